@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/aligned.hpp"
-#include "geometry/bounds.hpp"
+#include "queries/tree_box.hpp"
 #include "ringfence/pose.hpp"
 
 namespace ringfence::queries {
@@ -14,7 +14,7 @@ namespace ringfence::queries {
 /// Number of children of a node of the tree.
 inline constexpr std::size_t tree_width = 8;
 
-/// The boxes of eight siblings as columns, in the steps of the tree's FixedSpace. An unused lane has a lower side of
+/// The boxes of eight siblings as columns, in metres from the tree's origin. An unused lane has a lower side of
 /// infinity and an upper side of minus infinity.
 struct alignas(32) BoxGroup {
   float lower[3][tree_width];
@@ -23,12 +23,14 @@ struct alignas(32) BoxGroup {
 
 /// The boxes that a query can reach: those that meet a box which moves along a line, or those near a point.
 struct Reach {
-  /// The moving box at its start, in steps.
+  /// The moving box at its start, in metres from the tree's origin.
   float lower[3];
   float upper[3];
   /// 1 / its displacement, by axis; finite, and at least in the direction of a displacement of 0.
   float inverse[3];
-  float limit = 1;  ///< of a search for a batch: the largest fraction that is of interest
+  /// Of a search for a batch: the largest fraction that is of interest; near a point, the largest distance in metres.
+  float limit = 1;
+  float begin = 0;  ///< of a search for a batch: the fraction before which nothing is of interest
 };
 
 /// A bounding volume tree over boxes, built at once: every node but the last of each level has eight children, and all
@@ -36,15 +38,14 @@ struct Reach {
 /// of the level below; those of level 0 are the boxes in the order in which they are given. That order decides how good
 /// the tree is: see TreeOrder. (A packed R-tree; Kamel and Faloutsos 1993.)
 ///
-/// Boxes are stored as floats, rounded outwards; a side on the surface of the space is stored as infinity, because
-/// bounds saturate there.
+/// Boxes are stored as floats, which are most precise near the origin.
 ///
 /// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
 class BoxTree {
  public:
-  /// Replaces the contents. `margins[i]`: metres by which box i is widened on each side.
-  void build(std::span<const geometry::Bounds> boxes, std::span<const float> margins,
-             const geometry::FixedSpace& space);
+  /// Replaces the contents by the boxes of the rows `order[i]`. False, and the tree is empty, if one of them has no
+  /// object.
+  bool build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of);
 
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
@@ -59,21 +60,18 @@ class BoxTree {
 
   /// What a box from `lower` to `upper` (metres) that moves by `displacement` can reach.
   Reach reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept;
-  /// The surface of the groups of eight boxes, halved, in square steps for each box; a measure of what searches cost.
+  /// The surface of the groups of eight boxes, halved, in square metres for each box; a measure of what searches cost.
   double cost() const noexcept { return cost_; }
-  /// Steps a metre, by axis, of the space of the last build.
-  Vec3d scale() const noexcept { return scale_; }
 
  private:
   /// Number of groups of a level.
   std::size_t level_size(std::size_t level) const noexcept {
     return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
-  void fill_leaves(std::span<const geometry::Bounds> boxes, std::span<const float> margins);
   void fill_level(std::size_t level, std::size_t nodes);
   double surface_of(std::size_t level) const noexcept;
 
-  Vec3d min_, scale_;
+  Vec3d origin_;
   std::size_t size_ = 0;
   double cost_ = 0;
   base::AlignedVector<BoxGroup> groups_;

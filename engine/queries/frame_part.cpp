@@ -6,30 +6,41 @@
 
 #include "base/prefetch.hpp"
 #include "geometry/vector.hpp"
-#include "queries/tree_space.hpp"
 
 namespace ringfence::queries {
 
 void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
-                      const geometry::ShapeTable& shapes, std::shared_ptr<const TreeOrder> hint) {
+                      const geometry::ShapeTable& shapes, const KnownBounds& known,
+                      std::shared_ptr<const TreeOrder> hint) {
   rows_ = rows;
   ends_.assign(ends.begin(), ends.end());
-  order_ = adapt(std::move(hint), rows, count);
-  if (order_ != nullptr) {
-    find_bounds(shapes, choose_space(rows, order_->rows, shapes.rows().data()));
+  const bool are_known = !known.rows.empty() && ends_.empty();
+  if (are_known && hint != nullptr && hint->rows.size() == count && hint->end <= rows.size() &&
+      tree_.build(known.rows, hint->rows, *known.box_of)) {
+    order_ = std::move(hint);  // the same rows have objects
     return;
   }
+  order_ = adapt(std::move(hint), rows, count);
+  const bool sorted = order_ == nullptr;
+  if (sorted) sort();
+  if (are_known) {
+    tree_.build(known.rows, order_->rows, *known.box_of);
+  } else {
+    find_bounds(shapes);
+  }
+  if (sorted) own_->cost = tree_.cost();
+}
+
+void FramePart::sort() {
   if (own_ == nullptr || is_shared_) own_ = std::make_shared<TreeOrder>();
   is_shared_ = false;
   own_->rows.clear();
-  for (std::uint32_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].number != 0) own_->rows.push_back(i);
+  for (std::uint32_t i = 0; i < rows_.size(); ++i) {
+    if (rows_[i].number != 0) own_->rows.push_back(i);
   }
-  const geometry::FixedSpace space = choose_space(rows, own_->rows, shapes.rows().data());
-  sort_.sort(rows, space, own_->rows);
+  own_->end = static_cast<std::uint32_t>(rows_.size());
+  splits_.sort(rows_, own_->rows);
   order_ = own_;
-  find_bounds(shapes, space);
-  own_->cost = tree_.cost();
 }
 
 // Sorting takes as long as some searches that visit a fifth more boxes.
@@ -40,33 +51,49 @@ std::shared_ptr<const TreeOrder> FramePart::share_order() noexcept {
   return order_;
 }
 
-void FramePart::find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {
+void FramePart::find_bounds(const geometry::ShapeTable& shapes) {
   const std::vector<std::uint32_t>& objects = order_->rows;
-  bounds_.resize(objects.size());
-  margins_.resize(objects.size());
+  const Vec3d origin = choose_origin(rows_, objects);
+  const geometry::FixedSpace space = space_around(origin, rows_, objects);
+  bounds_.resize(rows_.size());
+  if (ends_.empty()) {
+    find_standing(shapes, space);
+  } else {
+    find_ways(shapes, space);
+  }
+  tree_.build(bounds_.span(), objects, BoxConverter(space, origin));
+}
+
+void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {
+  const std::vector<std::uint32_t>& objects = order_->rows;
   constexpr std::size_t batch = 128, ahead = 16;
   std::array<geometry::PlacedShape, batch> placed;
+  std::array<geometry::Bounds, batch> bounds;
   for (std::size_t first = 0; first < objects.size(); first += batch) {
     const std::size_t count = std::min(batch, objects.size() - first);
     for (std::size_t i = 0; i < count; ++i) {
       base::prefetch_object(rows_[objects[std::min(first + i + ahead, objects.size() - 1)]]);
       const FrameObject& object = rows_[objects[first + i]];
-      const geometry::ShapeRow& shape = shapes.row(object.shape);
       placed[i] = {&object.pose, object.shape};
-      margins_[first + i] = shape.bounding_radius * tolerance_of(shape.kind);
     }
-    if (ends_.empty()) shapes.bounds(std::span(placed).first(count), space, bounds_.data() + first);
+    shapes.bounds(std::span(placed).first(count), space, bounds.data());
+    for (std::size_t i = 0; i < count; ++i) {
+      bounds_[objects[first + i]] = {bounds[i], margin_of(shapes.row(placed[i].shape))};
+    }
   }
-  // On its way a shape turns, so its box is that of its bounding ball at both ends.
-  for (std::size_t i = 0; i < objects.size() && !ends_.empty(); ++i) {
-    const FrameObject& object = rows_[objects[i]];
-    const Vec3d &from = object.pose.position, &to = ends_[objects[i]].position;
-    const double radius = double{shapes.row(object.shape).bounding_radius} * (1 + 0x1p-20);
+}
+
+// On its way a shape turns, so its box is that of its bounding ball at both ends.
+void FramePart::find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {
+  for (const std::uint32_t row : order_->rows) {
+    const Vec3d &from = rows_[row].pose.position, &to = ends_[row].position;
+    const geometry::ShapeRow& shape = shapes.row(rows_[row].shape);
+    const double radius = double{shape.bounding_radius} * (1 + 0x1p-20);
     const Vec3d ball{radius, radius, radius};
-    bounds_[i] = space.bounds(Vec3d{std::min(from.x, to.x), std::min(from.y, to.y), std::min(from.z, to.z)} - ball,
-                              Vec3d{std::max(from.x, to.x), std::max(from.y, to.y), std::max(from.z, to.z)} + ball);
+    bounds_[row] = {space.bounds(Vec3d{std::min(from.x, to.x), std::min(from.y, to.y), std::min(from.z, to.z)} - ball,
+                                 Vec3d{std::max(from.x, to.x), std::max(from.y, to.y), std::max(from.z, to.z)} + ball),
+                    margin_of(shape)};
   }
-  tree_.build(bounds_, margins_, space);
 }
 
 }  // namespace ringfence::queries

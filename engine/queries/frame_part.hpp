@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "base/flat_list.hpp"
+#include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/box_tree.hpp"
 #include "queries/frame_object.hpp"
@@ -23,10 +25,11 @@ class FramePart {
  public:
   /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
   /// which must stay as they are. Poses as in narrow_phase::Body. `ends`: where each row's object is on its way to at
-  /// FrameMoment::fraction 1, copied; empty: they stand. `hint`: share_order() of a part with about the same objects in
-  /// the same rows, or null; answers do not depend on it.
+  /// FrameMoment::fraction 1, copied; empty: they stand. `known`: of objects that stand. `hint`: share_order() of a
+  /// part with about the same objects in the same rows, or null; answers do not depend on it.
   void build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
-             const geometry::ShapeTable& shapes, std::shared_ptr<const TreeOrder> hint = nullptr);
+             const geometry::ShapeTable& shapes, const KnownBounds& known = {},
+             std::shared_ptr<const TreeOrder> hint = nullptr);
 
   /// The order of the tree, as a hint for other parts; null if the objects should be sorted. From the thread that
   /// builds.
@@ -38,6 +41,8 @@ class FramePart {
   const BoxTree& tree() const noexcept { return tree_; }
   /// An object, by its position in the order of the tree.
   const FrameObject& object(std::uint32_t box) const noexcept { return rows_[order_->rows[box]]; }
+  /// Prefetches what object() reads of the index; then object() can be prefetched without waiting.
+  void prefetch_place(std::uint32_t box) const noexcept { base::prefetch_for_read(&order_->rows[box]); }
   /// Its pose at a fraction (0 to 1) of its way.
   Pose pose(std::uint32_t box, double fraction) const noexcept {
     const std::uint32_t row = order_->rows[box];
@@ -45,21 +50,19 @@ class FramePart {
   }
 
  private:
-  void find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space);
+  void sort();
+  void find_bounds(const geometry::ShapeTable& shapes);
+  void find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space);
+  void find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space);
 
   std::span<const FrameObject> rows_;
   std::shared_ptr<const TreeOrder> order_;
   std::shared_ptr<TreeOrder> own_;  ///< for sorting; its memory is used again unless it is shared
   bool is_shared_ = false;
-  std::vector<Pose> ends_;  ///< parallel to rows_, or empty
-  std::vector<geometry::Bounds> bounds_;
-  std::vector<float> margins_;  ///< metres
-  CurveSort sort_;
+  std::vector<Pose> ends_;            ///< parallel to rows_, or empty
+  base::FlatList<RowBounds> bounds_;  ///< parallel to rows_, unless they are known
+  MedianSplits splits_;
   BoxTree tree_;
 };
-
-/// The exact tests allow shapes to be this far apart, relative to their size. Boxes are widened by it, so that the
-/// index cannot leave out what a test would find. Support functions return floats, for which the search ends early.
-constexpr float tolerance_of(ShapeKind kind) noexcept { return kind == ShapeKind::support ? 0x1p-12f : 0x1p-16f; }
 
 }  // namespace ringfence::queries

@@ -21,10 +21,10 @@ bool ReachedBoxes::reserve(std::size_t queries) noexcept try {
   return false;
 }
 
-bool ReachedBoxes::find(const TreeKernels& kernels, const BoxTree& tree, std::size_t queries,
+bool ReachedBoxes::find(BatchSearch search, const BoxTree& tree, std::size_t queries,
                         std::uint64_t& compared) noexcept {
   Candidates found{candidate_queries_.data(), candidate_boxes_.data(), candidate_at_.data(), 0, candidate_at_.size()};
-  if (!kernels.reach_all(tree, {reaches_.data(), queries}, {lists_.data(), masks_.data()}, found, compared)) {
+  if (!search(tree, {reaches_.data(), queries}, {lists_.data(), masks_.data()}, found, compared)) {
     return false;
   }
   std::uint32_t* const ends = ends_.data();

@@ -24,9 +24,9 @@ class ReachedBoxes {
   bool reserve(std::size_t queries) noexcept;
   /// What the i-th query reaches; to be set for each query.
   Reach& reach(std::size_t i) noexcept { return reaches_[i]; }
-  /// Finds the boxes that the first `queries` queries reach; `compared` is increased by the number of boxes that were
-  /// compared. False if they reach more than 64 each: then fewer have to be asked at a time.
-  bool find(const TreeKernels& kernels, const BoxTree& tree, std::size_t queries, std::uint64_t& compared) noexcept;
+  /// Finds the boxes that the first `queries` queries reach by `search`; `compared` is increased by the number of boxes
+  /// that were compared. False if they reach more than 64 each: then fewer have to be asked at a time.
+  bool find(BatchSearch search, const BoxTree& tree, std::size_t queries, std::uint64_t& compared) noexcept;
 
   /// The boxes of all queries, one query after another; those of a query in any order.
   ReachedBox& operator[](std::uint32_t i) noexcept { return boxes_[i]; }

@@ -13,6 +13,12 @@ void RecordedFrame::begin(std::size_t slots) {
   for (ShapeNumber shape = 0; shape < has_shape_.size(); ++shape) has_shape_[shape] = shapes_->has(shape);
   rows_.resize(slots);
   user_data_.resize(slots);
+  bounds_.clear();
+}
+
+void RecordedFrame::begin_bounds(const geometry::FixedSpace& space, const Vec3d& origin) {
+  bounds_.resize(rows_.size());
+  box_of_.emplace(space, origin);
 }
 
 void RecordedFrame::finish(std::uint64_t number, std::size_t objects) noexcept {
@@ -34,7 +40,8 @@ const FramePart& RecordedFrame::part(LazyPart& lazy, Build build) const {
 
 const FramePart& RecordedFrame::standing() const {
   return part(standing_, [&] {
-    standing_.part.build(rows_, size_, {}, *shapes_, order_->get());
+    standing_.part.build(rows_.span(), size_, {}, *shapes_, {bounds_.span(), box_of_ ? &*box_of_ : nullptr},
+                         order_->get());
     order_->set(standing_.part.share_order());
   });
 }
@@ -43,8 +50,8 @@ const FramePart& RecordedFrame::moving_to(const RecordedFrame& next) const {
   return part(moving_, [&] {
     std::vector<Pose> ends;
     ends.reserve(rows_.size());
-    for (const FrameObject& row : rows_) ends.push_back(pose_at_end(row, next));
-    moving_.part.build(rows_, size_, ends, *shapes_, order_->get());
+    for (const FrameObject& row : rows_.span()) ends.push_back(pose_at_end(row, next));
+    moving_.part.build(rows_.span(), size_, ends, *shapes_, {}, order_->get());
   });
 }
 

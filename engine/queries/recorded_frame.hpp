@@ -4,9 +4,11 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/frame_part.hpp"
@@ -19,8 +21,8 @@ namespace ringfence::queries {
 /// two. Each is built by the first query that needs it.
 ///
 /// Threads: one thread records, while no reader has pinned the frame; then all const functions by any number of
-/// threads, which wait for each other only while an index is built. Memory: kept between frames; 72 bytes for each
-/// slot, and about 100 for each object and index.
+/// threads, which wait for each other only while an index is built. Memory: kept between frames; 72 to 100 bytes
+/// for each slot, and 30 to 100 for each object and index.
 class RecordedFrame {
  public:
   /// `shapes` is that of the world; the frame reads the shapes that it has when it is recorded. `order`: shared by all
@@ -37,6 +39,11 @@ class RecordedFrame {
   void begin(std::size_t slots);
   /// The row of a slot. Its number is 0 if the slot has no present object.
   FrameObject& row(std::uint32_t slot) noexcept { return rows_[slot]; }
+  /// From now on the bounds of all rows are set too, so that the index need not compute them. May throw
+  /// std::bad_alloc.
+  void begin_bounds(const geometry::FixedSpace& space, const Vec3d& origin);
+  void set_bounds(std::uint32_t slot, const RowBounds& bounds) noexcept { bounds_[slot] = bounds; }
+  void prefetch_bounds(std::uint32_t slot) const noexcept { base::prefetch_for_write(&bounds_[slot]); }
   void set_user_data(std::uint32_t slot, std::uint64_t data) noexcept { user_data_[slot] = data; }
   /// The frame is complete, with so many present objects.
   void finish(std::uint64_t number, std::size_t objects) noexcept;
@@ -44,7 +51,7 @@ class RecordedFrame {
   // Reading.
   std::size_t size() const noexcept { return size_; }  ///< number of objects
   /// By slot; number 0 if the slot has no present object.
-  std::span<const FrameObject> rows() const noexcept { return rows_; }
+  std::span<const FrameObject> rows() const noexcept { return rows_.span(); }
   const geometry::ShapeView& shapes() const noexcept { return view_; }
   /// Whether the shape was registered then, and not removed.
   bool has_shape(ShapeNumber shape) const noexcept { return shape < has_shape_.size() && has_shape_[shape]; }
@@ -80,8 +87,10 @@ class RecordedFrame {
   std::vector<bool> has_shape_;  ///< by shape number
   std::uint64_t number_ = none;
   std::size_t size_ = 0;
-  std::vector<FrameObject> rows_;  ///< by slot; number 0 if the slot has no present object
-  std::vector<std::uint64_t> user_data_;
+  base::FlatList<FrameObject> rows_;  ///< by slot; number 0 if the slot has no present object
+  base::FlatList<RowBounds> bounds_;  ///< by slot, or empty
+  std::optional<BoxConverter> box_of_;
+  base::FlatList<std::uint64_t> user_data_;
   mutable LazyPart standing_, moving_;
   mutable std::mutex building_;
   mutable std::atomic<std::uint32_t> readers_{0};

@@ -4,12 +4,11 @@
 #include <span>
 #include <vector>
 
-#include "base/flat_list.hpp"
 #include "narrow_phase/query/overlap_tests.hpp"
-#include "narrow_phase/query/shape_query.hpp"
+#include "narrow_phase/query/shape_hit.hpp"
+#include "queries/asked.hpp"
+#include "queries/block_search.hpp"
 #include "queries/frame_part.hpp"
-#include "queries/reached_boxes.hpp"
-#include "queries/tree_kernels.hpp"
 #include "ringfence/query.hpp"
 
 namespace ringfence::queries {
@@ -35,46 +34,16 @@ class ListSink {
   virtual void add(std::uint32_t query, std::span<const ObjectHit> hits) = 0;
 };
 
-// Queries of a batch, checked.
-
-struct AskedRay {
-  narrow_phase::Ray ray;
-  QueryFilter filter;
-};
-/// A shape that moves along a path. An overlap has no displacement.
-struct AskedShape {
-  narrow_phase::QueryShape shape;
-  narrow_phase::Ray path;
-  QueryFilter filter;
-};
-struct AskedPoint {
-  Vec3d point;
-  double distance;  ///< metres, may be infinite
-  QueryFilter filter;
-};
-
-/// A time at which queries see the objects, and their shapes.
-struct FrameMoment {
-  const geometry::ShapeView& shapes;
-  double fraction = 0;  ///< of the way of each object, 0 to 1; see interpolate()
-};
-
 /// Answers batches of queries about the objects of a FramePart.
 ///
 /// The answer to a query depends on the query and on the set of objects, not on the other queries, on the order of the
 /// objects, on the form of the index or on the machine: the index only leaves out objects that the query cannot reach,
 /// and the exact tests are pure.
 ///
-/// Small batches are searched one query after another. Larger ones descend the tree together, and then each query tests
-/// what it reaches, the nearest first.
-///
-/// Threads: belongs to one. Memory: grows to some megabytes, kept; without memory it searches one after another.
-/// Failure: std::bad_alloc from functions with lists. An object whose support function fails is not in the answer;
-/// QueryWork counts it.
+/// Threads: belongs to one. Memory: that of BlockSearch. Failure: std::bad_alloc from functions with lists. An object
+/// whose support function fails is not in the answer; QueryWork counts it.
 class Searcher {
  public:
-  Searcher() : kernels_(choose_tree_kernels()) {}
-
   // found[i] answers asked[i].
 
   /// Replaces what is in `found` where an object is hit at a smaller fraction (at most 1), or at the same fraction and
@@ -102,44 +71,18 @@ class Searcher {
                QueryWork& work);
 
  private:
-  /// A query that has boxes left to test.
-  struct Open {
-    std::uint32_t number;  ///< in the block
-    std::uint32_t next;    ///< in reached_
-    double limit;          ///< a box that is reached later does not count
-  };
   template <class Asked>
   void find_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
                   std::span<ObjectHit> found, QueryWork& work);
   template <class Asked>
   void find_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, ListSink& found,
                 QueryWork& work);
-  template <class Asked, class Test>
-  void search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, bool first_only,
-              QueryWork& work, const Test& test);
-  template <class Test>
-  void search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
-                  const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const;
-  template <class Asked, class Test>
-  void search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
-                   QueryWork& work, const Test& test) const;
-  template <class Asked, class Test>
-  void search_together(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                       std::size_t first, bool first_only, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  void test_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                          std::size_t first, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  void test_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
-                QueryWork& work, const Test& test);
+  void start_lists() noexcept;
   void list(std::uint32_t query, const ObjectHit& hit, ListSink& found);
   void finish_list(ListSink& found);
   void list_overlaps(const geometry::ShapeView& shapes, ListSink& found);
-  bool reserve(std::size_t queries) noexcept;
 
-  TreeKernels kernels_;
-  ReachedBoxes reached_;
-  base::FlatList<Open> open_;
+  BlockSearch search_;
   /// A pair in overlap_tests_.
   struct Tested {
     std::uint32_t query;

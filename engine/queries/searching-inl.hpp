@@ -72,16 +72,21 @@ class ReachTest {
   hn::Vec<Lanes> inverse_[3], leading_[3], trailing_[3];
 };
 
+// The largest squared distance, as computed, of a box that is within a number of metres. Finite, because an unused lane
+// is at an infinite distance; no object is 10^18 m away.
+inline float squared_bound(double metres) {
+  const float distance = static_cast<float>(std::min(metres, 1e18)) * longer;
+  return distance * distance * longer;
+}
+
 // How far eight boxes are from a point, in metres; squared.
 class NearTest {
  public:
-  HWY_INLINE NearTest(const Reach& reach, const Vec3d& scale) {
+  HWY_INLINE explicit NearTest(const Reach& reach) {
     const Lanes d;
-    const double by_axis[3] = {scale.x, scale.y, scale.z};
     for (std::size_t a = 0; a < 3; ++a) {
       lower_[a] = hn::Set(d, reach.lower[a]);
       upper_[a] = hn::Set(d, reach.upper[a]);
-      metres_[a] = hn::Set(d, static_cast<float>(1 / by_axis[a]));
     }
   }
 
@@ -93,7 +98,7 @@ class NearTest {
       for (std::size_t a = 0; a < 3; ++a) {
         const auto below = hn::Sub(hn::Load(d, group.lower[a] + lane), upper_[a]);
         const auto above = hn::Sub(lower_[a], hn::Load(d, group.upper[a] + lane));
-        const auto apart = hn::Mul(hn::Max(hn::Zero(d), hn::Max(below, above)), metres_[a]);
+        const auto apart = hn::Max(hn::Zero(d), hn::Max(below, above));
         squared = hn::Add(squared, hn::Mul(apart, apart));
       }
       hn::Store(squared, d, at + lane);
@@ -103,7 +108,7 @@ class NearTest {
   }
 
  private:
-  hn::Vec<Lanes> lower_[3], upper_[3], metres_[3];
+  hn::Vec<Lanes> lower_[3], upper_[3];
 };
 
 // A depth-first search that visits the children of a node in the order of `at`. `bound(limit)` is the largest `at` that
@@ -155,12 +160,7 @@ inline std::uint64_t reach_boxes(const BoxTree& tree, const Reach& reach, double
 }
 
 inline std::uint64_t near_boxes(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context) {
-  // Finite, because an unused lane is at an infinite distance. No object is 10^18 m away.
-  const auto bound = [](double metres) {
-    const float distance = static_cast<float>(std::min(metres, 1e18)) * longer;
-    return distance * distance * longer;
-  };
-  return search(tree, NearTest(reach, tree.scale()), limit, bound, visit, context);
+  return search(tree, NearTest(reach), limit, squared_bound, visit, context);
 }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE

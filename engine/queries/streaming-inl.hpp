@@ -21,13 +21,42 @@ namespace ringfence::queries::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// When eight boxes are reached by a moving box, and which are reached at all, as bits.
+struct CompareReach {
+  HWY_INLINE std::uint32_t operator()(const BoxGroup& boxes, const Reach& reach, float* HWY_RESTRICT at) const {
+    const Lanes d;
+    std::uint32_t bits = 0;
+    for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
+      auto from = hn::Set(d, reach.begin), to = hn::Set(d, reach.limit);
+      for (std::size_t a = 0; a < 3; ++a) {
+        const auto inverse = hn::Set(d, reach.inverse[a]);
+        const auto p = hn::Mul(hn::Sub(hn::Load(d, boxes.lower[a] + lane), hn::Set(d, reach.upper[a])), inverse);
+        const auto q = hn::Mul(hn::Sub(hn::Load(d, boxes.upper[a] + lane), hn::Set(d, reach.lower[a])), inverse);
+        from = hn::Max(from, hn::Min(p, q));
+        to = hn::Min(to, hn::Max(p, q));
+      }
+      hn::StoreU(from, d, at + lane);
+      bits |= bits_of(hn::Le(from, hn::Mul(to, hn::Set(d, longer)))) << lane;
+    }
+    return bits;
+  }
+};
+
+// How far eight boxes are from a point, squared, and which are within the limit, as bits.
+struct CompareNear {
+  HWY_INLINE std::uint32_t operator()(const BoxGroup& boxes, const Reach& reach, float* HWY_RESTRICT at) const {
+    return NearTest(reach)(boxes, squared_bound(double{reach.limit}), at);
+  }
+};
+
 // Descends the tree once for a whole batch: each group of boxes is compared with all queries that reach it. So its
 // boxes are loaded once, and no query waits for memory or for a branch of its own. In exchange, a query visits all
 // boxes that it reaches, also behind its first hit.
+template <class Compare>
 class Stream {
  public:
-  HWY_INLINE Stream(const BoxTree& tree, const Reach* reaches, Candidates& out)
-      : tree_(tree), reaches_(reaches), out_(out) {}
+  HWY_INLINE Stream(const BoxTree& tree, const Compare& compare, const Reach* reaches, Candidates& out)
+      : tree_(tree), compare_(compare), reaches_(reaches), out_(out) {}
 
   // Appends to the candidates what the first `count` entries of `queries` reach in a group and below. `masks` and
   // `queries` have room for what the levels below need. False if there are too many.
@@ -39,7 +68,7 @@ class Stream {
     std::uint32_t reached = 0;
     for (std::size_t i = 0; i < count; ++i) {
       float at[tree_width];
-      const std::uint32_t bits = compare(boxes, reaches_[queries[i]], at) & used;
+      const std::uint32_t bits = compare_(boxes, reaches_[queries[i]], at) & used;
       masks[i] = static_cast<std::uint8_t>(bits);
       reached |= bits;
     }
@@ -59,25 +88,6 @@ class Stream {
   std::uint64_t groups() const { return groups_; }
 
  private:
-  // When eight boxes are reached, and which are reached at all, as bits.
-  static HWY_INLINE std::uint32_t compare(const BoxGroup& boxes, const Reach& reach, float* HWY_RESTRICT at) {
-    const Lanes d;
-    std::uint32_t bits = 0;
-    for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
-      auto from = hn::Zero(d), to = hn::Set(d, reach.limit);
-      for (std::size_t a = 0; a < 3; ++a) {
-        const auto inverse = hn::Set(d, reach.inverse[a]);
-        const auto p = hn::Mul(hn::Sub(hn::Load(d, boxes.lower[a] + lane), hn::Set(d, reach.upper[a])), inverse);
-        const auto q = hn::Mul(hn::Sub(hn::Load(d, boxes.upper[a] + lane), hn::Set(d, reach.lower[a])), inverse);
-        from = hn::Max(from, hn::Min(p, q));
-        to = hn::Min(to, hn::Max(p, q));
-      }
-      hn::StoreU(from, d, at + lane);
-      bits |= bits_of(hn::Le(from, hn::Mul(to, hn::Set(d, longer)))) << lane;
-    }
-    return bits;
-  }
-
   // The queries whose mask has the bit of a child. Returns how many.
   static HWY_INLINE std::size_t select(const std::uint32_t* queries, const std::uint8_t* masks, std::size_t count,
                                        std::uint32_t child, std::uint32_t* chosen) {
@@ -103,7 +113,7 @@ class Stream {
     if (out_.room - size < count * tree_width + stream_slack) return false;
     for (std::size_t i = 0; i < count; ++i) {
       float at[tree_width];
-      const std::uint32_t bits = compare(boxes, reaches_[queries[i]], at) & used;
+      const std::uint32_t bits = compare_(boxes, reaches_[queries[i]], at) & used;
       for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
         const auto first = static_cast<std::uint32_t>(group * tree_width + lane);
         const std::uint32_t mine = bits >> lane & ((1u << hn::Lanes(d)) - 1);
@@ -120,19 +130,31 @@ class Stream {
   }
 
   const BoxTree& tree_;
+  const Compare compare_;
   const Reach* reaches_;
   Candidates& out_;
   std::uint64_t groups_ = 0;
 };
 
-inline bool reach_all(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory, Candidates& out,
-                      std::uint64_t& boxes) {
+template <class Compare>
+HWY_INLINE bool search_all(const BoxTree& tree, const Compare& compare, std::span<const Reach> reaches,
+                           const StreamMemory& memory, Candidates& out, std::uint64_t& boxes) {
   if (tree.size() == 0) return true;
   for (std::size_t i = 0; i < reaches.size(); ++i) memory.queries[i] = static_cast<std::uint32_t>(i);
-  Stream stream(tree, reaches.data(), out);
+  Stream<Compare> stream(tree, compare, reaches.data(), out);
   const bool complete = stream.descend(tree.levels() - 1, 0, memory.queries, reaches.size(), memory.masks);
   boxes += stream.groups() * tree_width;
   return complete;
+}
+
+inline bool reach_all(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory, Candidates& out,
+                      std::uint64_t& boxes) {
+  return search_all(tree, CompareReach(), reaches, memory, out, boxes);
+}
+
+inline bool near_all(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory, Candidates& out,
+                     std::uint64_t& boxes) {
+  return search_all(tree, CompareNear(), reaches, memory, out, boxes);
 }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE

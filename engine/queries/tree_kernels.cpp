@@ -4,14 +4,14 @@
 #define HWY_TARGET_INCLUDE "queries/tree_kernels.cpp"
 #include <hwy/foreach_target.h>
 // These must follow foreach_target.h, which includes this file once for each target.
-#include "queries/ordering-inl.hpp"
+#include "queries/filling-inl.hpp"
 #include "queries/searching-inl.hpp"
 #include "queries/streaming-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::queries::HWY_NAMESPACE {
 
-TreeKernels tree_kernels() { return {curve_places, reach_boxes, reach_all, near_boxes}; }
+TreeKernels tree_kernels() { return {fill_leaves, reach_boxes, reach_all, near_boxes, near_all}; }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -16,7 +16,7 @@ using VisitBox = double (*)(void* context, std::uint32_t box, double limit);
 struct Candidates {
   std::uint32_t* queries;
   std::uint32_t* boxes;  ///< positions in the order of the tree
-  float* at;             ///< lower bounds of the fractions at which they are reached
+  float* at;             ///< lower bounds of the fractions at which they are reached; of near_all: see there
   std::size_t size;
   std::size_t room;
 };
@@ -30,24 +30,27 @@ struct StreamMemory {
   std::uint8_t* masks;
 };
 
-/// Bits of a coordinate on the curve that orders boxes, and the number of boxes that are ordered together.
-inline constexpr std::size_t curve_bits = 10, curve_block = 64;
+/// A search for a batch: appends the boxes that each query reaches, in any order. False if there is too little room.
+/// Adds the number of boxes that were compared to `boxes`.
+using BatchSearch = bool (*)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory,
+                             Candidates& out, std::uint64_t& boxes);
 
-/// The order of boxes, and the searches in a tree, compiled for each instruction set and selected at run time. All
+/// The leaves of a tree and the searches in it, compiled for each instruction set and selected at run time. All
 /// versions visit each box that the query reaches within the limit; which others they visit, and in what order, may
 /// differ. They return the number of boxes that they compared.
 struct TreeKernels {
-  /// places[i]: the place of the cell (cells[0][i], cells[1][i], cells[2][i]) on a Hilbert curve; 64-byte aligned.
-  void (*curve_places)(const std::uint32_t (*cells)[curve_block], std::uint32_t* places);
+  /// Sets the boxes of the rows `order[i]`, eight to a group. False if one of them has no object.
+  bool (*fill_leaves)(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
+                      BoxGroup* groups);
   /// Boxes that are reached at a fraction of at most `limit`, about in the order of the fractions.
   std::uint64_t (*reach)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
-  /// The same for a batch, in any order: appends the boxes that each query reaches within its limit. False if there is
-  /// too little room. Adds the number of boxes that were compared to `boxes`.
-  bool (*reach_all)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory, Candidates& out,
-                    std::uint64_t& boxes);
+  /// The same for a batch, with the limit of each query.
+  BatchSearch reach_all;
   /// Boxes within a distance of `limit` metres of a point, about in the order of the distances. The point is
-  /// `reach.lower` and `reach.upper`; `scale` is that of the tree.
+  /// `reach.lower` and `reach.upper`.
   std::uint64_t (*near)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
+  /// The same for a batch, with the limit of each query. Candidates::at is the square of a lower bound of the distance.
+  BatchSearch near_all;
 };
 
 /// The kernels for the widest instruction set that this machine supports and Highway does not exclude.

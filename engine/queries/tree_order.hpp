@@ -7,8 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "base/pair_sort.hpp"
-#include "geometry/bounds.hpp"
 #include "queries/frame_object.hpp"
 
 namespace ringfence::queries {
@@ -18,18 +16,27 @@ namespace ringfence::queries {
 struct TreeOrder {
   std::vector<std::uint32_t> rows;  ///< those that have an object
   double cost = 0;                  ///< BoxTree::cost() of the tree when the objects were sorted
+  std::uint32_t end = 0;            ///< more than the last of the rows
 };
 
-/// Sorts rows by position along a Hilbert curve through `space`.
+/// Finds an order of rows by halving: the objects are divided at the median along the longest side of the box around
+/// their positions, and each half again, down to the leaves of the tree, so that each node of the tree has the objects
+/// of a box. (A k-d tree; Bentley 1975.)
 ///
 /// Threads: belongs to one. Memory: grows to the largest call. May throw std::bad_alloc.
-class CurveSort {
+class MedianSplits {
  public:
-  void sort(std::span<const FrameObject> objects, const geometry::FixedSpace& space, std::vector<std::uint32_t>& rows);
+  void sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows);
 
  private:
-  base::PairSort sort_;
-  std::vector<std::uint32_t> sorted_;
+  struct Point {
+    float at[3];  ///< metres from the first object
+    std::uint32_t row;
+  };
+  void split(std::span<Point> points, std::size_t each);
+  void put_first(std::span<Point> points, std::size_t count, std::size_t axis, float lower, float upper);
+
+  std::vector<Point> points_, moved_;
 };
 
 /// The order of `before` for other objects: without the rows that have none now, and with those that have one since at

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -13,29 +14,33 @@
 namespace ringfence::queries_test {
 namespace {
 
-using geometry::Bounds;
 using queries::BoxTree;
+using queries::RowBounds;
 
 /// A box in metres.
 struct MetricBox {
   double lower[3], upper[3];
 };
 
-/// Boxes in a space of 100 m, one metre a side on average.
+/// Boxes in a space of 100 m, one metre a side on average, in a random order.
 struct Boxes {
-  std::vector<MetricBox> metric;
-  std::vector<Bounds> bounds;
-  std::vector<float> margins;
+  std::vector<MetricBox> metric;  ///< in that order
+  std::vector<RowBounds> of_rows;
+  std::vector<std::uint32_t> order;
   geometry::FixedSpace space{{-50, -50, -50}, {50, 50, 50}};
+  queries::BoxConverter box_of{space, {3, -2, 7}};
 
   Boxes(std::size_t count, double half, std::uint64_t seed) {
     Random random(seed);
+    of_rows.resize(count);
+    order.resize(count);
+    std::iota(order.begin(), order.end(), 0u);
+    for (std::size_t i = count; i > 1; --i) std::swap(order[i - 1], order[random.below(i)]);
     for (std::size_t i = 0; i < count; ++i) {
       const Vec3d at = random.in_cube(half);
       const Vec3d size{random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1)};
       metric.push_back({{at.x, at.y, at.z}, {at.x + size.x, at.y + size.y, at.z + size.z}});
-      bounds.push_back(space.bounds(at, {at.x + size.x, at.y + size.y, at.z + size.z}));
-      margins.push_back(0);
+      of_rows[order[i]] = {space.bounds(at, {at.x + size.x, at.y + size.y, at.z + size.z}), 0};
     }
   }
 };
@@ -55,6 +60,17 @@ double enters(const MetricBox& box, const double start[3], const double way[3]) 
   return from <= to ? from : std::numeric_limits<double>::infinity();
 }
 
+/// Metres from a point to a box.
+double distance(const MetricBox& box, const Vec3d& point) {
+  const double at[3] = {point.x, point.y, point.z};
+  double squared = 0;
+  for (int a = 0; a < 3; ++a) {
+    const double apart = std::max({0.0, box.lower[a] - at[a], at[a] - box.upper[a]});
+    squared += apart * apart;
+  }
+  return std::sqrt(squared);
+}
+
 struct Visits {
   const BoxTree& tree;
   std::vector<std::uint32_t> boxes;
@@ -72,7 +88,7 @@ TEST_CASE("a search visits each box that a ray reaches, once, and few others, on
     CAPTURE(count);
     const Boxes boxes(count, 40, count + 1);
     BoxTree tree;
-    tree.build(boxes.bounds, boxes.margins, boxes.space);
+    tree.build(boxes.of_rows, boxes.order, boxes.box_of);
     REQUIRE(tree.size() == count);
     test::on_every_target([&] {
       const queries::TreeKernels kernels = queries::choose_tree_kernels();
@@ -107,7 +123,7 @@ TEST_CASE("a search for a batch lists what each of its queries reaches, or says 
     CAPTURE(count);
     const Boxes boxes(count, 40, count + 20);
     BoxTree tree;
-    tree.build(boxes.bounds, boxes.margins, boxes.space);
+    tree.build(boxes.of_rows, boxes.order, boxes.box_of);
     test::on_every_target([&] {
       const queries::TreeKernels kernels = queries::choose_tree_kernels();
       Random random(9);
@@ -153,7 +169,7 @@ TEST_CASE("a search for a batch lists what each of its queries reaches, or says 
 TEST_CASE("a search by distance visits each box within the limit, nearer ones about first, on every target") {
   const Boxes boxes(3000, 40, 7);
   BoxTree tree;
-  tree.build(boxes.bounds, boxes.margins, boxes.space);
+  tree.build(boxes.of_rows, boxes.order, boxes.box_of);
   test::on_every_target([&] {
     const queries::TreeKernels kernels = queries::choose_tree_kernels();
     Random random(6);
@@ -163,25 +179,81 @@ TEST_CASE("a search by distance visits each box within the limit, nearer ones ab
       Visits visits{tree, {}};
       kernels.near(tree, tree.reach(point, point, {}), limit, Visits::visit, &visits);
       std::sort(visits.boxes.begin(), visits.boxes.end());
-      const double at[3] = {point.x, point.y, point.z};
       for (std::uint32_t box = 0; box < boxes.metric.size(); ++box) {
-        double squared = 0;
-        for (int a = 0; a < 3; ++a) {
-          const double apart = std::max({0.0, boxes.metric[box].lower[a] - at[a], at[a] - boxes.metric[box].upper[a]});
-          squared += apart * apart;
-        }
+        const double apart = distance(boxes.metric[box], point);
         const bool visited = std::binary_search(visits.boxes.begin(), visits.boxes.end(), box);
-        if (std::sqrt(squared) <= limit) CHECK(visited);
-        if (std::sqrt(squared) > limit + 1e-3) CHECK(!visited);
+        if (apart <= limit) CHECK(visited);
+        if (apart > limit + 1e-3) CHECK(!visited);
       }
     }
   });
 }
 
+TEST_CASE("a batch near points lists the boxes within the distance of each, on every target") {
+  const Boxes boxes(3000, 40, 30);
+  BoxTree tree;
+  tree.build(boxes.of_rows, boxes.order, boxes.box_of);
+  test::on_every_target([&] {
+    const queries::TreeKernels kernels = queries::choose_tree_kernels();
+    Random random(31);
+    std::vector<queries::Reach> reaches;
+    std::vector<Vec3d> points;
+    for (int i = 0; i < 50; ++i) {
+      points.push_back(random.in_cube(60));
+      reaches.push_back(tree.reach(points.back(), points.back(), {}));
+      reaches.back().limit = i % 7 == 0 ? 0 : static_cast<float>(random.uniform(0, 15));
+    }
+    const std::size_t lists = (queries::max_levels + 1) * (reaches.size() + queries::stream_slack);
+    std::vector<std::uint32_t> queries(lists);
+    std::vector<std::uint8_t> masks(lists);
+    const std::size_t room = 3000 * reaches.size() + queries::stream_slack + 1000;
+    std::vector<std::uint32_t> of(room), reached(room);
+    std::vector<float> at(room);
+    queries::Candidates found{of.data(), reached.data(), at.data(), 0, room};
+    std::uint64_t compared = 0;
+    REQUIRE(kernels.near_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+    std::vector<std::vector<bool>> listed(reaches.size(), std::vector<bool>(boxes.metric.size()));
+    for (std::size_t i = 0; i < found.size; ++i) {
+      CHECK(!listed[of[i]][reached[i]]);
+      listed[of[i]][reached[i]] = true;
+    }
+    for (std::size_t i = 0; i < reaches.size(); ++i) {
+      for (std::uint32_t box = 0; box < boxes.metric.size(); ++box) {
+        const double apart = distance(boxes.metric[box], points[i]);
+        if (apart <= double{reaches[i].limit}) CHECK(listed[i][box]);
+        if (apart > double{reaches[i].limit} + 1e-3) CHECK(!listed[i][box]);
+      }
+    }
+  });
+}
+
+TEST_CASE("leaves are the boxes of their rows, widened by their margins, on every target") {
+  for (const std::size_t count : {1u, 8u, 77u}) {
+    Boxes boxes(count, 60, 5);  // some saturate
+    for (std::size_t i = 0; i < count; ++i) boxes.of_rows[i].margin = static_cast<float>(i % 5);
+    BoxTree tree;
+    test::on_every_target([&] {
+      REQUIRE(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
+      for (std::size_t i = 0; i < count; ++i) {
+        const queries::TreeBox box = boxes.box_of(boxes.of_rows[boxes.order[i]]);
+        const queries::BoxGroup& group = tree.level(0)[i / queries::tree_width];
+        for (std::size_t a = 0; a < 3; ++a) {
+          const float lower = group.lower[a][i % queries::tree_width], upper = group.upper[a][i % queries::tree_width];
+          CHECK((lower == box.lower[a] || lower == doctest::Approx(box.lower[a]).epsilon(1e-6)));
+          CHECK((upper == box.upper[a] || upper == doctest::Approx(box.upper[a]).epsilon(1e-6)));
+        }
+      }
+    });
+    boxes.of_rows[count / 2].margin = -1;
+    CHECK(!tree.build(boxes.of_rows, boxes.order, boxes.box_of));
+    CHECK(tree.size() == 0);
+  }
+}
+
 TEST_CASE("a visit that lowers the limit prunes the rest, and a negative limit ends the search") {
   const Boxes boxes(3000, 8, 8);
   BoxTree tree;
-  tree.build(boxes.bounds, boxes.margins, boxes.space);
+  tree.build(boxes.of_rows, boxes.order, boxes.box_of);
   const queries::TreeKernels kernels = queries::choose_tree_kernels();
   std::size_t visited = 0;
   const auto end = [](void* count, std::uint32_t, double) {
@@ -215,24 +287,6 @@ TEST_CASE("a visit that lowers the limit prunes the rest, and a negative limit e
     const double start[3] = {-45, 0, 0}, way[3] = {90, 0.1, 0.1};
     CHECK(enters(boxes.metric[box], start, way) >= entered.least);
   }
-}
-
-TEST_CASE("a box on the surface of the space reaches to infinity, and margins widen boxes") {
-  const geometry::FixedSpace space({0, 0, 0}, {10, 10, 10});
-  const std::vector<Bounds> bounds = {space.bounds({20, 1, 1}, {30, 2, 2}), space.bounds({4, 4, 4}, {5, 5, 5})};
-  BoxTree tree;
-  tree.build(bounds, std::vector<float>{0, 1}, space);
-  const queries::TreeKernels kernels = queries::choose_tree_kernels();
-  const auto visited = [&](const Vec3d& point) {
-    Visits visits{tree, {}};
-    kernels.reach(tree, tree.reach(point, point, {}), 1, Visits::visit, &visits);
-    return visits.boxes.size();
-  };
-  CHECK(visited({25, 1.5, 1.5}) == 1);
-  CHECK(visited({1e14, 1.5, 1.5}) == 1);
-  CHECK(visited({25, 3, 1.5}) == 0);
-  CHECK(visited({3.01, 3.01, 5.99}) == 1);
-  CHECK(visited({2.99, 4.5, 4.5}) == 0);
 }
 
 }  // namespace

@@ -268,8 +268,25 @@ TEST_CASE("objects on their way are found where they are at each fraction") {
   }
 }
 
-TEST_CASE("the order of an earlier frame serves while objects move, appear and disappear; then they are sorted again") {
+/// The bounds of all rows in the space of a world.
+std::vector<queries::RowBounds> bounds_of(const Objects& objects, const geometry::FixedSpace& space) {
+  std::vector<queries::RowBounds> bounds;
+  for (const FrameObject& row : objects.rows) {
+    if (row.number == 0) {
+      bounds.push_back({{}, -1});
+    } else {
+      bounds.push_back(
+          {objects.table.bounds(row.shape, row.pose, space), queries::margin_of(objects.table.row(row.shape))});
+    }
+  }
+  return bounds;
+}
+
+void check_orders_of_frames(bool known) {
   Random random(6);
+  // Some of the objects are outside.
+  const geometry::FixedSpace space({-30, -40, -40}, {40, 40, 10}, geometry::Outside::has_octaves);
+  const queries::BoxConverter box_of(space, {1, 2, 3});
   Objects objects;
   add_shapes(objects.table);
   objects.rows = make_rows(random, 2000, 40, {});
@@ -279,7 +296,9 @@ TEST_CASE("the order of an earlier frame serves while objects move, appear and d
   for (int frame = 0; frame < 12; ++frame) {
     CAPTURE(frame);
     FramePart part;
-    part.build(objects.rows, count_of(objects.rows), {}, objects.table, order);
+    const std::vector<queries::RowBounds> bounds = bounds_of(objects, space);
+    const queries::KnownBounds given{known ? std::span(bounds) : std::span<const queries::RowBounds>(), &box_of};
+    part.build(objects.rows, count_of(objects.rows), {}, objects.table, given, order);
     CHECK(part.size() == count_of(objects.rows));
     if (frame == 0 || order == nullptr) ++sorted;
     order = part.share_order();
@@ -297,6 +316,12 @@ TEST_CASE("the order of an earlier frame serves while objects move, appear and d
   CHECK(sorted > 1);
   CHECK(sorted < 8);
 }
+
+TEST_CASE("the order of an earlier frame serves while objects move, appear and disappear; then they are sorted again") {
+  check_orders_of_frames(false);
+}
+
+TEST_CASE("the same with bounds that the world has computed") { check_orders_of_frames(true); }
 
 TEST_CASE("of objects that are hit at the same place, the one with the lowest number counts") {
   Objects objects;

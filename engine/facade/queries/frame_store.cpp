@@ -38,7 +38,8 @@ void FrameStore::record(const nodes::ServerRole& server, std::uint64_t number) {
   kept_.erase(kept_.begin(), kept_.end() - static_cast<std::ptrdiff_t>(kept));
   kept_.reserve(history_ + 1);
   const std::shared_ptr<queries::RecordedFrame> frame = take_free();
-  record_frame(server, number, *frame);
+  // Of the frames of a history, few are asked about while they are the last.
+  record_frame(server, number, !keeps_history(), *frame);
   kept_.push_back(frame);
 }
 

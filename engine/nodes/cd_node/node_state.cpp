@@ -16,6 +16,7 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
   host.contacts().keep_one_frame();
   host.contacts().reserve(initial.objects);
   contacts.host = &host;
+  contacts.objects = &objects;
 }
 
 void NodeState::assign(NodeNumber node, const std::vector<Connection>& peers) {

@@ -26,6 +26,7 @@
 namespace ringfence::nodes {
 
 class Host;
+class RegionObjects;
 struct OutputMerge;
 
 /// Slots of a contact's two objects, and the node that found it.
@@ -79,10 +80,11 @@ struct NodeContacts {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
 
   // Written by the node.
-  const Host* host = nullptr;   ///< set once; read between frames, and by the server while the node waits
-  HostOwnedStates host_states;  ///< see HostOwnedStates for its rules
-  GhostUpdates ghost_updates;   ///< see GhostUpdates for its rules
-  HandOverList hand_overs;      ///< see HandOverList for its rules
+  const Host* host = nullptr;              ///< set once; read between frames, and by the server while the node waits
+  const RegionObjects* objects = nullptr;  ///< what the node knows; as `host`, but the server reads it between frames
+  HostOwnedStates host_states;             ///< see HostOwnedStates for its rules
+  GhostUpdates ghost_updates;              ///< see GhostUpdates for its rules
+  HandOverList hand_overs;                 ///< see HandOverList for its rules
   /// Read by all nodes.
   alignas(64) std::uint64_t frame = no_frame;          ///< the frame of the lists
   const narrow_phase::PairContact* touches = nullptr;  ///< in the order of detection

@@ -67,12 +67,19 @@ class ServerRole {
   const regions::RegionMap& map() const noexcept { return state_.map; }
   /// Poses and states of host-owned objects (host_owned_mark) may be of an earlier frame: see pose().
   const ObjectTable& objects() const noexcept { return state_.objects; }
+  const geometry::ShapeTable& shapes() const noexcept { return *state_.setup.shapes; }
+  /// The space of the bounds of all roles.
+  const geometry::FixedSpace& space() const noexcept { return *state_.setup.space; }
+  /// Whether ObjectTable::bounds() are those of the last frame, for objects that are not in the memory of a host.
+  bool has_bounds() const noexcept { return !states_.has_stale_bounds(); }
   /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept { return states_.pose(slot); }
-  /// Calls visit(const Hosted&) for each host-owned object, whose pose() is that of its host.
+  /// Whether the pose of an object is not in the table. Then it is in each_in_host(), or only pose() has it.
+  bool is_in_host(std::uint32_t slot) const noexcept { return states_.is_in_host(slot); }
+  /// As ObjectStates::each_in_host().
   template <class Visit>
-  void each_host_owned(Visit visit) const {
-    states_.each_host_owned(visit);
+  void each_in_host(Visit visit) const {
+    states_.each_in_host(visit);
   }
   /// The model's state of the same: ObjectTable::state_bytes() bytes, valid until the next frame.
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.state(slot); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include "telemetry/track.hpp"
 
@@ -14,7 +15,11 @@ void QueryAnswerer::begin() {
   stats.query_ns = stats.query_boxes = stats.query_tests = stats.query_failed_supports = 0;
   SpanTimer time(state_.setup.track, "queries", stats.query_ns);
   list_owned();
-  part_.build(owned_, owned_.size(), {}, *state_.setup.shapes);
+  const Vec3d origin = owned_ == 0 ? Vec3d{} : rows_[first_owned_].pose.position;
+  find_bounds();
+  const queries::BoxConverter box_of(*state_.setup.space, origin);
+  part_.build(rows_.span(), owned_, {}, *state_.setup.shapes, {bounds_.span(), &box_of}, std::move(order_));
+  order_ = part_.share_order();
   state_.contacts.queries.hits.clear();
   next_ = 0;
   pending_ = true;
@@ -23,9 +28,11 @@ void QueryAnswerer::begin() {
 void QueryAnswerer::list_owned() {
   const RegionObjects& objects = state_.objects;
   const bool alone = state_.region.map().sole_owner() == state_.setup.node;
-  owned_.clear();
+  rows_.resize(objects.size());
+  owned_ = 0;
   at_border_.clear();
   for (std::uint32_t i = 0; i < objects.size(); ++i) {
+    rows_[i].number = 0;
     if (alone || objects.inner(i)) {
       add(i);
     } else {
@@ -66,8 +73,25 @@ void QueryAnswerer::add(std::uint32_t known) {
   const RegionObjects& objects = state_.objects;
   const narrow_phase::Body& body = objects.bodies()[known];
   const std::uint32_t group = objects.groups().empty() ? 0 : objects.groups()[known];
-  owned_.push_back({body.pose, body.shape, body.number, body.generation, group, objects.slot(known),
-                    static_cast<std::uint8_t>(body.layer), static_cast<std::uint8_t>(body.category), 0});
+  rows_[known] = {body.pose,
+                  body.shape,
+                  body.number,
+                  body.generation,
+                  group,
+                  objects.slot(known),
+                  static_cast<std::uint8_t>(body.layer),
+                  static_cast<std::uint8_t>(body.category),
+                  0};
+  first_owned_ = owned_++ == 0 ? known : first_owned_;
+}
+
+void QueryAnswerer::find_bounds() {
+  const std::span<const geometry::Bounds> known = state_.objects.bounds();
+  bounds_.resize(known.size());
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const bool owned = rows_[i].number != 0;
+    bounds_[i] = {known[i], owned ? queries::margin_of(state_.setup.shapes->row(rows_[i].shape)) : -1};
+  }
 }
 
 void QueryAnswerer::answer_some() {

@@ -2,8 +2,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "base/flat_list.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/queries/query_answers.hpp"
 #include "queries/frame_part.hpp"
@@ -37,11 +39,16 @@ class QueryAnswerer {
   void list_owned();
   void add_at_border();
   void add(std::uint32_t known);
+  void find_bounds();
 
   NodeState& state_;
-  std::vector<queries::FrameObject> owned_;  ///< of this frame
-  std::vector<std::uint32_t> at_border_;     ///< known objects that may belong to another node
-  queries::FramePart part_;                  ///< refers to owned_
+  base::FlatList<queries::FrameObject> rows_;  ///< by index in RegionObjects; number 0 if the node does not own it
+  base::FlatList<queries::RowBounds> bounds_;  ///< the same; empty if the node has no bounds
+  std::size_t owned_ = 0;                      ///< rows with an object
+  std::uint32_t first_owned_ = 0;              ///< one of them, if there are any
+  std::vector<std::uint32_t> at_border_;       ///< known objects that may belong to another node
+  queries::FramePart part_;                    ///< refers to rows_
+  std::shared_ptr<const queries::TreeOrder> order_;  ///< of the last index
   QueryAnswers answers_;
   std::size_t next_ = 0;  ///< query
   bool pending_ = false;

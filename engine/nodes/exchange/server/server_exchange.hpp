@@ -31,8 +31,12 @@ class ServerExchange {
   /// Whether nodes are known to follow the protocol. If not, each message is checked, and a node that sends an invalid
   /// one is lost.
   bool trusts_nodes() const noexcept { return reads_nodes_; }
-  /// The objects that a connected node hosts. Precondition of both: reads_nodes().
+  /// The objects that a connected node hosts. Precondition of all three: reads_nodes().
   static const Host& host_of(const PeerSession& node) noexcept { return *node.connection.node_contacts->host; }
+  /// The objects that it knows; between frames.
+  static const RegionObjects& known_by(const PeerSession& node) noexcept {
+    return *node.connection.node_contacts->objects;
+  }
   /// The host-owned states that it keeps for recovery.
   static const HostOwnedStates& kept_states(const PeerSession& node) noexcept {
     return node.connection.node_contacts->host_states;

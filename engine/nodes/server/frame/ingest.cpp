@@ -367,13 +367,13 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
       objects.mark_moved_host_only(slot);
       continue;
     }
+    objects.bounds(slot) = record.bounds;
     if (was_host_owned) {
       objects.note_notified(slot, record.bounds, grid, !inner);
       objects.mark_moved_host_only(slot);
       continue;
     }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
-    objects.bounds(slot) = record.bounds;
     if (host_alone) {
       marks |= notified_mark;
       objects.mark_moved_host_only(slot);

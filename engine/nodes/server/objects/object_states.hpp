@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "nodes/cd_node/region_objects.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 
@@ -21,9 +22,14 @@ class ObjectStates {
 
   /// Pose of the live object in that slot after the last frame, wherever it is stored. Between frames.
   const Pose& pose(std::uint32_t slot) const noexcept;
-  /// Calls visit(hosted) for each object whose state is current only in the memory of its host. Between frames.
+  /// Whether the state of an object is current only in the memory of its host.
+  bool is_in_host(std::uint32_t slot) const noexcept {
+    return exchange_.reads_nodes() && (state_.objects.marks(slot) & host_owned_mark) != 0;
+  }
+  /// Calls visit(objects, i) for objects of which that is true: object i of RegionObjects `objects`. Between frames.
+  /// An object that its host has only just received may be left out.
   template <class Visit>
-  void each_host_owned(Visit visit) const;
+  void each_in_host(Visit visit) const;
   /// The model's state of the same object.
   const std::byte* state(std::uint32_t slot) const noexcept;
   /// Sets the bounds of an object from its pose in the table.
@@ -47,6 +53,7 @@ class ObjectStates {
 
   /// The bounds of some objects in the table are not those of their poses.
   void note_stale_bounds() noexcept { bounds_are_stale_ = true; }
+  bool has_stale_bounds() const noexcept { return bounds_are_stale_; }
   /// Host-owned objects that moved in this frame and that the table does not list as moved; negative for listed objects
   /// that did not move.
   void add_moved(std::int64_t objects) noexcept { host_owned_moved_ += objects; }
@@ -64,7 +71,7 @@ class ObjectStates {
 };
 
 template <class Visit>
-void ObjectStates::each_host_owned(Visit visit) const {
+void ObjectStates::each_in_host(Visit visit) const {
   if (!exchange_.reads_nodes()) {
     return;
   }
@@ -72,12 +79,12 @@ void ObjectStates::each_host_owned(Visit visit) const {
     if (!node.is_active()) {
       continue;
     }
-    const Host& host = ServerExchange::host_of(node);
-    for (std::size_t i = 0; i < host.size(); ++i) {
-      const std::uint32_t slot = state_.objects.find(host[i].object);
-      if (slot != base::NumberIndex::none && state_.objects.host(slot) == node.self &&
-          (state_.objects.marks(slot) & host_owned_mark) != 0) {
-        visit(host[i]);
+    const RegionObjects& known = ServerExchange::known_by(node);
+    for (std::uint32_t i = 0; i < known.size(); ++i) {
+      const std::uint32_t slot = known.slot(i);
+      if (slot < state_.objects.slots() && (state_.objects.marks(slot) & host_owned_mark) != 0 &&
+          state_.objects.host(slot) == node.self && state_.objects.numbers()[slot] == known.numbers()[i]) {
+        visit(known, i);
       }
     }
   }

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "geometry/shape_view.hpp"
+#include "geometry/vector.hpp"
+#include "narrow_phase/query/shape_query.hpp"
+#include "queries/box_tree.hpp"
+#include "ringfence/query.hpp"
+
+namespace ringfence::queries {
+
+// Queries of a batch, checked.
+
+struct AskedRay {
+  narrow_phase::Ray ray;
+  QueryFilter filter;
+};
+/// A shape that moves along a path. An overlap has no displacement.
+struct AskedShape {
+  narrow_phase::QueryShape shape;
+  narrow_phase::Ray path;
+  QueryFilter filter;
+};
+struct AskedPoint {
+  Vec3d point;
+  double distance;  ///< metres, may be infinite
+  QueryFilter filter;
+};
+
+/// A time at which queries see the objects, and their shapes.
+struct FrameMoment {
+  const geometry::ShapeView& shapes;
+  double fraction = 0;  ///< of the way of each object, 0 to 1; see interpolate()
+};
+
+// What queries reach in a tree.
+
+/// Radius of a ball around the origin of a query's shape that contains what exact tests find, metres.
+inline double radius_of(const narrow_phase::QueryShape& shape) noexcept {
+  const geometry::ShapeRow& row = shape.shapes.row(shape.shape);
+  return double{row.bounding_radius} * (1 + double{tolerance_of(row.kind)});
+}
+
+inline Reach reach_of(const BoxTree& tree, const AskedRay& asked) noexcept {
+  return tree.reach(asked.ray.start, asked.ray.start, asked.ray.displacement);
+}
+inline Reach reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
+  const double radius = radius_of(asked.shape);
+  const Vec3d ball{radius, radius, radius};
+  return tree.reach(asked.path.start - ball, asked.path.start + ball, asked.path.displacement);
+}
+
+/// Of a search near a point.
+inline Reach near_reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
+  Reach reach = tree.reach(asked.path.start, asked.path.start, {});
+  reach.limit = std::nextafter(static_cast<float>(radius_of(asked.shape)), std::numeric_limits<float>::infinity());
+  return reach;
+}
+inline Reach near_reach_of(const BoxTree& tree, const AskedRay& asked) noexcept {
+  return tree.reach(asked.ray.start, asked.ray.start, {});
+}
+
+}  // namespace ringfence::queries

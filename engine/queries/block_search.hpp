@@ -1,0 +1,275 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <new>
+#include <span>
+
+#include "base/flat_list.hpp"
+#include "base/prefetch.hpp"
+#include "geometry/checked_support.hpp"
+#include "queries/asked.hpp"
+#include "queries/frame_part.hpp"
+#include "queries/reached_boxes.hpp"
+#include "queries/tree_kernels.hpp"
+#include "ringfence/query.hpp"
+
+namespace ringfence::queries {
+
+/// Finds the objects that the queries of a batch have to be tested against.
+///
+/// Small batches are searched one query after another. Larger ones descend the tree together, in blocks, and then each
+/// query tests what it reaches, the nearest first.
+///
+/// Each `test` is `double test(std::size_t query, const FrameObject&, const Pose&, double limit)`: it tests an object
+/// and returns the limit from now on, a fraction; negative if the query is answered.
+///
+/// Threads: belongs to one. Memory: grows to some megabytes, kept; without memory it searches one after another.
+/// Failure: passes on what `test` throws, but geometry::SupportFailure, which it counts.
+class BlockSearch {
+ public:
+  BlockSearch() : kernels_(choose_tree_kernels()) {}
+
+  /// Which boxes a search tests.
+  enum class Wanted {
+    first,  ///< those that the query reaches, the nearest first, until the answer is known
+    all,    ///< all that the query reaches
+    near,   ///< all that the ball around the query's shape touches at its start
+  };
+  template <class Asked, class Test>
+  void search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
+              QueryWork& work, const Test& test);
+  /// A single query by its reach. `test(object, pose, limit)` as above. `by_distance`: the limit is a distance in
+  /// metres.
+  template <class Test>
+  void search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
+                  const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const;
+
+ private:
+  /// A query of a block that wants its first hit.
+  struct Open {
+    std::uint32_t number;  ///< in the block
+    std::uint32_t next;    ///< in reached_
+    std::uint32_t end;     ///< of its boxes there
+    double limit;          ///< a box that is reached later does not count
+  };
+  template <class Asked, class Test>
+  void search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                   QueryWork& work, const Test& test) const;
+  template <class Asked, class Test>
+  void search_together(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                       std::size_t first, Wanted wanted, QueryWork& work, const Test& test);
+  template <class Asked, class Test>
+  void search_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                            std::size_t first, QueryWork& work, const Test& test);
+  template <class Asked, class Test>
+  bool search_step(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                   float begin, float end, QueryWork& work, const Test& test);
+  template <class Asked, class Test>
+  void test_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                          std::size_t first, float begin, QueryWork& work, const Test& test);
+  template <class Asked, class Test>
+  void test_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                QueryWork& work, const Test& test);
+  bool reserve(std::size_t queries) noexcept;
+
+  /// Fewer queries are searched one after another.
+  static constexpr std::size_t smallest_batch = 32;
+  /// Queries that descend the tree together.
+  static constexpr std::size_t block = 4096;
+  /// Objects are loaded this many tests in advance.
+  static constexpr std::uint32_t prefetch_distance = 12;
+
+  TreeKernels kernels_;
+  ReachedBoxes reached_;
+  base::FlatList<Open> unanswered_;     ///< of the block
+  base::FlatList<std::uint32_t> open_;  ///< those of them that have boxes left to test
+};
+
+/// Tests one object that a filter may leave out. Returns the limit from now on.
+template <class Test>
+double test_object(const FramePart& part, const FrameMoment& moment, std::uint32_t box, const QueryFilter& filter,
+                   double limit, QueryWork& work, const Test& test) {
+  const FrameObject& object = part.object(box);
+  if (!admits(filter, object)) return limit;
+  ++work.tests;
+  try {
+    return test(object, part.pose(box, moment.fraction), limit);
+  } catch (const geometry::SupportFailure&) {
+    ++work.failed_supports;
+    return limit;
+  }
+}
+
+/// `test(object, pose, limit)` returns the limit from now on.
+template <class Test>
+void BlockSearch::search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
+                             const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const {
+  struct Context {
+    const FramePart& part;
+    const FrameMoment& moment;
+    const QueryFilter& filter;
+    QueryWork& work;
+    const Test& test;
+  } context{part, moment, filter, work, test};
+  const VisitBox visit = [](void* of, std::uint32_t box, double most) {
+    const Context& c = *static_cast<const Context*>(of);
+    return test_object(c.part, c.moment, box, c.filter, most, c.work, c.test);
+  };
+  work.boxes += (by_distance ? kernels_.near : kernels_.reach)(part.tree(), reach, limit, visit, &context);
+}
+
+/// One after another. `test(query, object, pose, limit)` returns the limit from now on; `first` is the number of the
+/// first query.
+template <class Asked, class Test>
+void BlockSearch::search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                              std::size_t first, QueryWork& work, const Test& test) const {
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
+      return test(first + i, object, pose, limit);
+    };
+    search_one(part, moment, reach_of(part.tree(), asked[i]), 1, asked[i].filter, work, test_one, false);
+  }
+}
+
+/// A block. If it reaches too much for the memory, its halves.
+template <class Asked, class Test>
+void BlockSearch::search_together(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                                  std::size_t first, Wanted wanted, QueryWork& work, const Test& test) {
+  if (asked.size() < smallest_batch) {
+    search_each(part, moment, asked, first, work, test);
+    return;
+  }
+  if (wanted == Wanted::first) {
+    search_nearest_first(part, moment, asked, first, work, test);
+    return;
+  }
+  const bool near = wanted == Wanted::near;
+  for (std::size_t i = 0; i < asked.size(); ++i) {
+    reached_.reach(i) = near ? near_reach_of(part.tree(), asked[i]) : reach_of(part.tree(), asked[i]);
+  }
+  if (reached_.find(near ? kernels_.near_all : kernels_.reach_all, part.tree(), asked.size(), work.boxes)) {
+    test_all(part, moment, asked, first, work, test);
+    return;
+  }
+  const std::size_t half = asked.size() / 2;
+  search_together(part, moment, asked.first(half), first, wanted, work, test);
+  search_together(part, moment, asked.subspan(half), first + half, wanted, work, test);
+}
+
+/// In two steps, because the tree is searched for all boxes that a query reaches: those behind its first hit are not
+/// searched if that is in the first part of its way.
+template <class Asked, class Test>
+void BlockSearch::search_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                                       std::size_t first, QueryWork& work, const Test& test) {
+  constexpr float first_part = 0.375f;
+  unanswered_.clear();
+  for (std::uint32_t i = 0; i < asked.size(); ++i) unanswered_.push_back({i, 0, 0, 1});
+  if (search_step(part, moment, asked, first, 0, first_part, work, test) &&
+      search_step(part, moment, asked, first, first_part, 1, work, test)) {
+    return;
+  }
+  // What was tested before does no harm.
+  const std::size_t half = asked.size() / 2;
+  search_together(part, moment, asked.first(half), first, Wanted::first, work, test);
+  search_together(part, moment, asked.subspan(half), first + half, Wanted::first, work, test);
+}
+
+/// Tests what the unanswered queries reach between two fractions. False if they reach too much for the memory.
+template <class Asked, class Test>
+bool BlockSearch::search_step(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                              std::size_t first, float begin, float end, QueryWork& work, const Test& test) {
+  for (std::size_t i = 0; i < unanswered_.size(); ++i) {
+    Reach& reach = reached_.reach(i) = reach_of(part.tree(), asked[unanswered_[i].number]);
+    reach.begin = begin;
+    reach.limit = std::min(end, static_cast<float>(unanswered_[i].limit * (1 + 0x1p-19)));
+  }
+  if (!reached_.find(kernels_.reach_all, part.tree(), unanswered_.size(), work.boxes)) return false;
+  test_nearest_first(part, moment, asked, first, begin, work, test);
+  std::size_t left = 0;
+  for (std::size_t i = 0; i < unanswered_.size(); ++i) {
+    unanswered_[left] = unanswered_[i];
+    left += unanswered_[i].limit * (1 + 0x1p-18) > double{end} ? 1 : 0;
+  }
+  unanswered_.resize(left);
+  return true;
+}
+
+/// In rounds: in each, every query that has boxes left tests the nearest of them.
+template <class Asked, class Test>
+void BlockSearch::test_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                                     std::size_t first, float begin, QueryWork& work, const Test& test) {
+  open_.clear();
+  for (std::uint32_t i = 0; i < unanswered_.size(); ++i) {
+    reached_.sort(i);
+    std::uint32_t next = reached_.begin(i);
+    const std::uint32_t end = reached_.end(i);
+    // What is reached before the begin was tested in the step before.
+    while (begin > 0 && next != end && reached_[next].at <= begin) ++next;
+    if (next == end) continue;
+    unanswered_[i].next = next;
+    unanswered_[i].end = end;
+    open_.push_back(i);
+  }
+  while (!open_.empty()) {
+    std::size_t left = 0;
+    const std::size_t last = open_.size() - 1;
+    for (std::size_t i = 0; i < open_.size(); ++i) {
+      const auto next_box = [&](std::size_t ahead) {
+        return reached_[unanswered_[open_[std::min(i + ahead, last)]].next].box;
+      };
+      part.prefetch_place(next_box(2 * prefetch_distance));
+      base::prefetch_object(part.object(next_box(prefetch_distance)));
+      Open& query = unanswered_[open_[i]];
+      const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
+        return test(first + query.number, object, pose, limit);
+      };
+      query.limit =
+          test_object(part, moment, reached_[query.next].box, asked[query.number].filter, query.limit, work, test_one);
+      const bool goes_on = ++query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
+      open_[left] = open_[i];
+      left += goes_on ? 1 : 0;
+    }
+    open_.resize(left);
+  }
+}
+
+/// In the order of the queries.
+template <class Asked, class Test>
+void BlockSearch::test_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+                           std::size_t first, QueryWork& work, const Test& test) {
+  const std::uint32_t last = reached_.end(asked.size() - 1) - 1;
+  for (std::uint32_t i = 0, next = 0; i < asked.size(); ++i) {
+    const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
+      return test(first + i, object, pose, limit);
+    };
+    for (; next != reached_.end(i); ++next) {
+      part.prefetch_place(reached_[std::min<std::uint32_t>(next + 2 * prefetch_distance, last)].box);
+      base::prefetch_object(part.object(reached_[std::min<std::uint32_t>(next + prefetch_distance, last)].box));
+      test_object(part, moment, reached_[next].box, asked[i].filter, 1, work, test_one);
+    }
+  }
+}
+
+template <class Asked, class Test>
+void BlockSearch::search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
+                         QueryWork& work, const Test& test) {
+  if (asked.size() < smallest_batch || !reserve(std::min(block, asked.size()))) {
+    search_each(part, moment, asked, 0, work, test);
+    return;
+  }
+  for (std::size_t first = 0; first < asked.size(); first += block) {
+    search_together(part, moment, asked.subspan(first, std::min(block, asked.size() - first)), first, wanted, work,
+                    test);
+  }
+}
+
+inline bool BlockSearch::reserve(std::size_t queries) noexcept try {
+  unanswered_.reserve(queries);
+  open_.reserve(queries);
+  return reached_.reserve(queries);
+} catch (const std::bad_alloc&) {
+  return false;
+}
+
+}  // namespace ringfence::queries
