@@ -64,7 +64,7 @@ Status World::begin_frame() try {
   w.state.choose_bounds();
   w.batches.prepare(w.state.order);
   w.state.publications.sensed = w.sensed_frames.prepare(*w.server, w.frames);
-  w.users.connect();
+  w.users.apply_requests();
   w.membership.cut(*w.server);
   w.users.steer(w.requests.user_orders());
   w.order_frame();

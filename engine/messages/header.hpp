@@ -94,6 +94,8 @@ struct Endpoint {
   static constexpr Endpoint server() noexcept { return {0}; }
   static constexpr Endpoint node(NodeNumber node) noexcept { return {0x40000000u | node}; }
   static constexpr Endpoint user(UserNumber user) noexcept { return {0x80000000u | user}; }
+  /// Destination of what the server sends once to all user nodes that share a connection.
+  static constexpr Endpoint all_users() noexcept { return {0xbfffffffu}; }
   static constexpr Endpoint none() noexcept { return {0xffffffffu}; }
   constexpr bool is_server() const noexcept { return value == 0; }
   constexpr bool is_node() const noexcept { return (value & 0xc0000000u) == 0x40000000u; }

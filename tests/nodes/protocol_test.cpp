@@ -176,7 +176,9 @@ void check_order(const std::vector<LoggedMessage>& log, Endpoint from, Endpoint 
     }
     REQUIRE(at < order.size());
     REQUIRE(seen.header.source == from.value);
-    REQUIRE(seen.header.destination == to.value);
+    const bool to_all =
+        to.is_user() && (seen.type() == MessageType::frame_begin || seen.type() == MessageType::read_publications);
+    REQUIRE(seen.header.destination == (to_all ? Endpoint::all_users() : to).value);
   }
 }
 

@@ -252,8 +252,10 @@ void TestHarness::connect(UserNumber number) {
   setup.model = config_.model;
   setup.publications = &publications_;
   setup.interest = config_.interest;
-  setup.server = {&user.out->sender(), &user.in->receiver()};
+  setup.server = &user.out->sender();
   user.role = std::make_unique<UserRole>(setup);
+  const Connection connection{&user.out->sender(), &user.in->receiver()};
+  user.thread = std::make_unique<UserThreadRole>(connection, std::vector<UserRole*>{user.role.get()}, 0);
   if (publications_.users.size() <= number) {
     publications_.users.resize(number + 1);
   }
@@ -385,7 +387,7 @@ bool TestHarness::step_in_order() {
     progressed |= !own.stopped && own.messages != 0 && node.role->step() == Step::progressed;
   });
   for (auto& [number, user] : users_) {
-    progressed |= user.role->step() == Step::progressed;
+    progressed |= user.thread->step() == Step::progressed;
   }
   pool_->each([&](const facade::PoolNode& node) { progressed |= pass(node); });
   for (auto& [ends, channel] : peers_) {
@@ -438,7 +440,7 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
       }
     }
     for (auto& [number, user] : users_) {
-      if (one_in(2)) user.role->step();
+      if (one_in(2)) user.thread->step();
     }
     const auto pass = [&](TappedChannel& channel) {
       if (one_in(channel.period)) channel.pass({}, log_, 1 + random() % 4);

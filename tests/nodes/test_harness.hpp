@@ -20,6 +20,7 @@
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/server/server_role.hpp"
 #include "nodes/user/user_role.hpp"
+#include "nodes/user/user_thread_role.hpp"
 
 namespace ringfence::nodes::test {
 
@@ -203,6 +204,7 @@ class TestHarness {
     std::unique_ptr<TappedChannel> in, out;  ///< to the user, from the user
     std::unique_ptr<link::Publication> publication;
     std::unique_ptr<UserRole> role;
+    std::unique_ptr<UserThreadRole> thread;  ///< each user node has a connection of its own
   };
 
   HarnessConfig config_;

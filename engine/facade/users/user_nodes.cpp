@@ -9,37 +9,22 @@ namespace ringfence::facade {
 
 using nodes::Request;
 
-namespace {
-
-// Large rings save wake-ups when few user nodes host much. Of many user nodes each hosts little, and memory counts.
-std::size_t ring_of(std::size_t users) noexcept {
-  return users < 256 ? std::size_t{1} << 16 : users < 2048 ? std::size_t{1} << 14 : std::size_t{1} << 12;
-}
-
-}  // namespace
-
 const User* UserNodes::find(UserNumber number) const noexcept {
   const auto at = nodes_.find(number);
   return at == nodes_.end() ? nullptr : at->second.get();
 }
 
 // Precondition: no frame is running, so roles are idle and publications are not read.
-void UserNodes::connect() {
+void UserNodes::apply_requests() {
   bool changed = false;
   for (Request& request : state_.order.requests) {
-    if (request.kind != Request::Kind::connect) {
+    if (request.kind == Request::Kind::connect) {
+      connect(request);
+    } else if (request.kind == Request::Kind::disconnect) {
+      nodes_.at(request.user)->leaving = true;
+    } else {
       continue;
     }
-    const UserNumber number = request.user;
-    std::unique_ptr<User> user = make_user(number);
-    request.connection = user->channel.first();
-    std::vector<nodes::Published>& publications = state_.publications.users;
-    if (number >= publications.size()) {
-      publications.resize(number + 1);
-    }
-    publications[number] = {};
-    publications[number].publication = &user->publication;
-    nodes_[number] = std::move(user);
     changed = true;
   }
   if (changed) {
@@ -47,12 +32,24 @@ void UserNodes::connect() {
   }
 }
 
+void UserNodes::connect(Request& request) {
+  const UserNumber number = request.user;
+  std::unique_ptr<User> user = make_user(number);
+  request.connection = threads_.connection(user->thread);
+  std::vector<nodes::Published>& publications = state_.publications.users;
+  if (number >= publications.size()) {
+    publications.resize(number + 1);
+  }
+  publications[number] = {};
+  publications[number].publication = &user->publication;
+  nodes_[number] = std::move(user);
+}
+
 std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   const WorldConfig& config = state_.config;
   const std::size_t thread = number % threads_.size();
   const std::size_t objects = config.deployment == Deployment::user ? 64 : 4;
-  auto user = std::make_unique<User>(state_.ring_bytes(ring_of(nodes_.size())), state_.server_bell(),
-                                     threads_.bell(thread), state_.publications.grid.cells(), objects);
+  auto user = std::make_unique<User>(state_.publications.grid.cells(), objects);
   user->thread = thread;
   nodes::UserSetup setup;
   setup.user = number;
@@ -63,15 +60,19 @@ std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   setup.thread = threads_.parts_of(threads_.at(thread));
   setup.objects = objects;
   setup.faults = state_.threaded() ? &state_.faults : nullptr;
-  setup.server = user->channel.second();
+  setup.server = &threads_.sender(thread);
   user->role = std::make_unique<nodes::UserRole>(setup);
   return user;
 }
 
 // Without threads all user nodes have the same one.
 void UserNodes::assign_roles() {
-  std::vector<std::vector<Steppable>> roles(threads_.size());
-  each([&](const User& user) { roles[user.thread].push_back(Steppable::of(*user.role)); });
+  std::vector<std::vector<nodes::UserRole*>> roles(threads_.size());
+  for (const auto& [number, user] : nodes_) {
+    if (user->is_stepped()) {
+      roles[user->thread].push_back(user->role.get());
+    }
+  }
   for (std::size_t thread = 0; thread < threads_.size(); ++thread) {
     threads_.assign(thread, std::move(roles[thread]));
   }
@@ -100,7 +101,7 @@ void UserNodes::replace_stalled_threads() {
     return;
   }
   order.stalled_users.clear();
-  order.moved_users.clear();
+  order.moved_connections.clear();
   for (const std::size_t thread : stalled) {
     abandon(thread);
   }
@@ -131,32 +132,26 @@ void UserNodes::abandon(std::size_t thread) {
   user.late = true;
   withdraw_publication(late);
   state_.order.stalled_users.push_back(late);
-  std::vector<Steppable> roles;
+  std::vector<nodes::UserRole*> roles;
   for (const auto& [number, other] : nodes_) {
-    if (other->thread == thread && !other->late) {
+    if (other->thread == thread && other->is_stepped()) {
       other->role->set_thread(threads_.parts_of(*replacement));
-      state_.order.moved_users.push_back({number, &replacement->worker->bell()});
-      roles.push_back(Steppable::of(*other->role));
+      roles.push_back(other->role.get());
     }
   }
-  user.abandoned = threads_.replace(thread, std::move(replacement));
-  threads_.assign(thread, std::move(roles));
+  state_.order.moved_connections.push_back({threads_.connection(thread), &replacement->worker->bell()});
+  user.abandoned = threads_.replace(thread, std::move(replacement), std::move(roles));
 }
 
 void UserNodes::forget(std::span<const UserNumber> users) {
-  if (users.empty()) {
-    return;
-  }
-  parted_.reserve(parted_.size() + users.size());
-  stalled_.reserve(stalled_.size() + users.size());
   for (const UserNumber number : users) {
     withdraw_publication(number);
     const auto at = nodes_.find(number);
-    (at->second->abandoned != nullptr ? stalled_ : parted_).push_back(std::move(at->second));
+    if (at->second->abandoned != nullptr) {
+      stalled_.push_back(std::move(at->second));
+    }
     nodes_.erase(at);
   }
-  assign_roles();
-  parted_.clear();
 }
 
 // Late user nodes are not stepped any more, so none of them reads publications of the next frame. Those whose model has
@@ -188,7 +183,7 @@ bool UserNodes::inject(const Fault& fault) {
     return false;
   }
   User& user = *at->second;
-  threads_.assign(user.thread, {});
+  threads_.withdraw(user.thread);
   user.role->fail(fault);
   assign_roles();
   return true;

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "base/numbers.hpp"
-#include "facade/duplex_channel.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/users/user_threads.hpp"
 #include "facade/world_state.hpp"
@@ -18,17 +17,16 @@
 
 namespace ringfence::facade {
 
-/// A connected user node, with its channel, publication and role. Destroyed in reverse order: first its thread ends.
+/// A connected user node, with its publication and role. Destroyed in reverse order: first its thread ends.
 struct User {
-  /// `server` and `own` are the doorbells of the threads that step the server and the user node; `cells` is the number
-  /// of cells of the interest grid. Reserves for `objects` objects.
-  User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells, std::size_t objects)
-      : channel(ring_bytes, server, own), publication(cells, objects) {}
-  DuplexChannel channel;
+  /// `cells` is the number of cells of the interest grid. Reserves for `objects` objects.
+  User(std::size_t cells, std::size_t objects) : publication(cells, objects) {}
   link::Publication publication;
   std::unique_ptr<nodes::UserRole> role;
   std::size_t thread = 0;  ///< index of the user thread that steps it
   bool late = false;       ///< it missed its deadline; it gets no further frame
+  bool leaving = false;    ///< its user disconnects in the running frame, which it does not get any more
+  bool is_stepped() const noexcept { return !late && !leaving; }
   /// The thread that was abandoned in this user node's move, or null. It steps no other role.
   std::unique_ptr<UserThread> abandoned;
 };
@@ -63,16 +61,17 @@ class UserNodes {
   }
 
   // The steps of a frame, in order.
-  /// Makes the user nodes that the requests of WorldState::order connect, and writes their connections into them.
-  void connect();
+  /// Makes the user nodes that the requests of WorldState::order connect, and writes their connections into them. From
+  /// then on no thread steps the user nodes that the requests disconnect.
+  void apply_requests();
   /// Passes moves and inputs to their user nodes, and clears both. Precondition: all users are connected.
   void steer(UserOrders& orders);
   /// Called when user nodes have not reported their moves in time. Those whose moves have lasted since the last check
   /// are late: WorldState::order lists them. A new thread steps the other user nodes of their threads, in this frame
   /// too. Without a new thread the frame waits, and the log says so.
   void replace_stalled_threads();
-  /// The frame whose cut disconnected the users is complete: nothing refers to their channels or publications any more.
-  /// Frees those whose threads have not stalled.
+  /// The frame whose cut disconnected the users is complete: nothing refers to their publications any more.
+  /// Frees those whose threads have not stalled. Precondition: each is late, or apply_requests() has disconnected it.
   void forget(std::span<const UserNumber> users);
   /// The frame is complete, and these users were late in it.
   void part_with_late(std::span<const UserId> users);
@@ -106,6 +105,7 @@ class UserNodes {
   }
 
  private:
+  void connect(nodes::Request& request);
   std::unique_ptr<User> make_user(UserNumber number);
   void abandon(std::size_t thread);
   void assign_roles();
@@ -114,7 +114,6 @@ class UserNodes {
   WorldState& state_;
   UserThreads threads_;
   std::map<UserNumber, std::unique_ptr<User>> nodes_;
-  std::vector<std::unique_ptr<User>> parted_;   ///< disconnected; freed when no thread steps them
   std::vector<std::unique_ptr<User>> stalled_;  ///< disconnected; freed when their threads have ended
 };
 

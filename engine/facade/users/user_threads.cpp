@@ -1,6 +1,7 @@
 #include "facade/users/user_threads.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "telemetry/clock.hpp"
@@ -10,11 +11,22 @@ namespace ringfence::facade {
 using telemetry::StepClock;
 using telemetry::to_ms;
 
+namespace {
+
+// Large rings save wake-ups. Of many threads each has fewer user nodes, and memory counts.
+std::size_t ring_of(std::size_t threads) noexcept {
+  constexpr std::size_t few_threads = 16, most = std::size_t{1} << 20, least = std::size_t{1} << 16;
+  return std::max(least, most / std::bit_ceil((threads + few_threads - 1) / few_threads));
+}
+
+}  // namespace
+
 void UserThreads::start() {
   const std::size_t count = state_.threaded() ? state_.config.user_threads : 1;
   while (threads_.size() < count) {
     threads_.push_back(start_thread());
   }
+  channels_.resize(count);
 }
 
 std::unique_ptr<UserThread> UserThreads::start_thread() {
@@ -37,12 +49,36 @@ nodes::UserThreadParts UserThreads::parts_of(UserThread& thread) const noexcept 
           threaded && state_.config.deadlines.user_ms > 0 ? &thread.watch : nullptr};
 }
 
-void UserThreads::assign(std::size_t index, std::vector<Steppable> roles) {
-  if (state_.threaded()) {
-    threads_[index]->worker->assign(std::move(roles));
-  } else {
-    state_.inline_roles.assign_users(std::move(roles));
+DuplexChannel& UserThreads::channel(std::size_t index) {
+  std::unique_ptr<DuplexChannel>& channel = channels_[index];
+  if (channel == nullptr) {
+    channel =
+        std::make_unique<DuplexChannel>(state_.ring_bytes(ring_of(threads_.size())), state_.server_bell(), bell(index));
   }
+  return *channel;
+}
+
+void UserThreads::assign(std::size_t index, std::vector<nodes::UserRole*> users) {
+  if (users.empty()) {
+    return withdraw(index);
+  }
+  assign_role(index, std::make_unique<nodes::UserThreadRole>(channel(index).second(), std::move(users),
+                                                             state_.order.ordered.load(std::memory_order_relaxed)));
+}
+
+// The old role is destroyed when the thread has the new one.
+void UserThreads::assign_role(std::size_t index, std::unique_ptr<nodes::UserThreadRole> role) {
+  UserThread& thread = *threads_[index];
+  std::vector<Steppable> steppables;
+  if (role != nullptr) {
+    steppables.push_back(Steppable::of(*role));
+  }
+  if (state_.threaded()) {
+    thread.worker->assign(std::move(steppables));
+  } else {
+    state_.inline_roles.assign_users(std::move(steppables));
+  }
+  thread.role = std::move(role);
 }
 
 std::vector<std::size_t> UserThreads::find_stalled() {
@@ -62,8 +98,13 @@ std::vector<std::size_t> UserThreads::find_stalled() {
   return stalled;
 }
 
-std::unique_ptr<UserThread> UserThreads::replace(std::size_t index, std::unique_ptr<UserThread> replacement) noexcept {
-  return std::exchange(threads_[index], std::move(replacement));
+std::unique_ptr<UserThread> UserThreads::replace(std::size_t index, std::unique_ptr<UserThread> replacement,
+                                                 std::vector<nodes::UserRole*> users) {
+  std::unique_ptr<UserThread> stalled = std::exchange(threads_[index], std::move(replacement));
+  if (!users.empty()) {
+    assign_role(index, std::make_unique<nodes::UserThreadRole>(*stalled->role, std::move(users)));
+  }
+  return stalled;
 }
 
 void UserThreads::report_times(FrameReport& report) {

@@ -5,10 +5,12 @@
 #include <memory>
 #include <vector>
 
+#include "facade/duplex_channel.hpp"
 #include "facade/threads/worker.hpp"
 #include "facade/world_state.hpp"
 #include "nodes/move_watch.hpp"
 #include "nodes/user/user_role.hpp"
+#include "nodes/user/user_thread_role.hpp"
 #include "ringfence/frame_report.hpp"
 #include "telemetry/step_clock.hpp"
 #include "telemetry/track.hpp"
@@ -21,14 +23,16 @@ struct UserThread {
   nodes::MoveWatch::Move seen = nodes::MoveWatch::none;  ///< the move in which the last check found the thread
   telemetry::StepClock clock;
   telemetry::Track track;
-  std::unique_ptr<Worker> worker;  ///< null without threads
-  std::uint64_t cpu_ns = 0;        ///< CPU time that the thread had used at the end of the last frame
+  std::unique_ptr<nodes::UserThreadRole> role;  ///< null: it steps no user nodes
+  std::unique_ptr<Worker> worker;               ///< null without threads; ends before the role is destroyed
+  std::uint64_t cpu_ns = 0;                     ///< CPU time that the thread had used at the end of the last frame
 };
 
-/// The threads that step the user nodes of a World. Without threads there is one entry, which stands for the thread
-/// that calls World.
+/// The threads that step the user nodes of a World, each with the connection between its user nodes and the server.
+/// Without threads there is one entry, which stands for the thread that calls World.
 ///
-/// A thread whose user node does not finish its move is *stalled*. It is replaced, and ends when the move returns.
+/// A thread whose user node does not finish its move is *stalled*. It is replaced, and ends when the move returns. The
+/// connection remains.
 ///
 /// Threads: the one that calls World, between frames; find_stalled() and replace() also while the server waits for user
 /// nodes. The destructor waits for the threads.
@@ -47,16 +51,25 @@ class UserThreads {
   link::Doorbell* bell(std::size_t index) const noexcept;
   /// What a thread provides for its user nodes.
   nodes::UserThreadParts parts_of(UserThread& thread) const noexcept;
-  /// Replaces the roles that a thread steps. Blocks until the thread has finished with the old ones.
-  void assign(std::size_t index, std::vector<Steppable> roles);
+  /// The server's end of the connection of a thread. The first call for a thread allocates it.
+  nodes::Connection connection(std::size_t index) { return channel(index).first(); }
+  /// What the user nodes of a thread send by.
+  link::Sender& sender(std::size_t index) { return *channel(index).second().out; }
+  /// Replaces the user nodes that a thread steps, between frames. `users`: ascending by number. Blocks until the thread
+  /// has finished with the old ones.
+  void assign(std::size_t index, std::vector<nodes::UserRole*> users);
+  /// The thread steps no user nodes until the next assign(). Blocks in the same way.
+  void withdraw(std::size_t index) { assign_role(index, nullptr); }
 
   /// Indices of the threads that are in the same move as at the last check, at least a quarter of the deadline ago.
   /// Empty if the last check is more recent.
   std::vector<std::size_t> find_stalled();
   /// Starts a thread that is to replace a stalled one. Throws Error if the system has none.
   std::unique_ptr<UserThread> start_replacement() { return start_thread(); }
-  /// Puts `replacement` in the place of a thread, which it returns.
-  std::unique_ptr<UserThread> replace(std::size_t index, std::unique_ptr<UserThread> replacement) noexcept;
+  /// Puts `replacement` in the place of an abandoned thread, which it returns. The new thread goes on with `users`,
+  /// those of the old one without the one in whose move it is.
+  std::unique_ptr<UserThread> replace(std::size_t index, std::unique_ptr<UserThread> replacement,
+                                      std::vector<nodes::UserRole*> users);
 
   /// Writes the CPU times of the last frame into the report: its fields about users, and PathReport::user_*. Without
   /// threads all times of the path are 0.
@@ -64,8 +77,11 @@ class UserThreads {
 
  private:
   std::unique_ptr<UserThread> start_thread();
+  DuplexChannel& channel(std::size_t index);
+  void assign_role(std::size_t index, std::unique_ptr<nodes::UserThreadRole> role);
 
   WorldState& state_;
+  std::vector<std::unique_ptr<DuplexChannel>> channels_;  ///< by thread; null: it has had no user node
   std::vector<std::unique_ptr<UserThread>> threads_;
   std::uint64_t checked_ns_ = 0;  ///< time of the last check for stalled threads
 };

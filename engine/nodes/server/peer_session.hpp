@@ -28,9 +28,8 @@ struct PeerSession {
     /// Positions in ContactLedger::notices(), or with the bit `ended` in ended_notices().
     std::vector<std::uint32_t> notices;
     static constexpr std::uint32_t ended = 0x80000000u;
-    std::uint64_t hand_overs = 0;               ///< number of hand-overs it will receive (CD nodes)
-    messages::RunSender ghosts_run;             ///< earlier: before its positions
-    messages::RunSender read_publications_run;  ///< may be sent earlier: when everything is published
+    std::uint64_t hand_overs = 0;    ///< number of hand-overs it will receive (CD nodes)
+    messages::RunSender ghosts_run;  ///< earlier: before its positions
     messages::RunSender map_run, unlist_run, correct_run, notice_run, end_run;
   };
 
@@ -72,6 +71,7 @@ struct PeerSession {
   bool broken = false;     ///< in another process, and has broken the protocol: lost at the end of this step
   bool leaving = false;    ///< must hand everything over at the end of this frame
   bool left = false;       ///< hands everything over in this frame; its slot is free at the next cut
+  bool awaited = false;    ///< users: the frame needs a message; see ServerState::await()
 
   Opening opening;
   Closing closing;

@@ -142,7 +142,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::starting_users;
       return true;
     case FrameStage::starting_users:
-      if (!state_.all_users([&](PeerSession& user) { return cut_.open(user); })) {
+      if (!cut_.open_users()) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_users_ms);
@@ -153,7 +153,7 @@ bool ServerRole::advance_stage() {
       return true;
     case FrameStage::moving:
       if (!state_.all_nodes([](const PeerSession& node) { return node.received.states; }) ||
-          !state_.awaited_users.empty()) {
+          state_.awaited_users != 0) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::ingest_ms);
@@ -217,7 +217,7 @@ bool ServerRole::advance_stage() {
       if (router_.notify_users()) {
         statistics_.charge_cpu(&PathReport::notify_users_ms);
       }
-      if (!state_.awaited_users.empty()) {
+      if (state_.awaited_users != 0) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_user_acks_ms);

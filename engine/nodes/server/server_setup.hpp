@@ -39,12 +39,12 @@ struct FrameOrder {
   std::atomic<bool> users_overdue{false};
   std::atomic<bool> users_moved{false};   ///< the next two lists are valid; reset when the server has read them
   std::vector<UserNumber> stalled_users;  ///< user nodes that are late
-  /// A user node that another thread steps from now on.
-  struct MovedUser {
-    UserNumber user;
-    link::Doorbell* bell;  ///< of its new thread
+  /// A connection with user nodes that another thread steps from now on.
+  struct MovedConnection {
+    Connection connection;  ///< the server's end
+    link::Doorbell* bell;   ///< of the new thread
   };
-  std::vector<MovedUser> moved_users;
+  std::vector<MovedConnection> moved_connections;
   link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null if the caller steps the server itself
 };
 

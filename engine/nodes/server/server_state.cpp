@@ -1,5 +1,7 @@
 #include "nodes/server/server_state.hpp"
 
+#include <algorithm>
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -21,7 +23,6 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
   }
   users.reserve(setup.capacities.users);
   connected.reserve(setup.capacities.users);
-  awaited_users.reserve(setup.capacities.users);
   leaving_slots.reserve(setup.capacities.objects);
   hand_overs.reserve(setup.capacities.objects);
 }
@@ -38,6 +39,36 @@ void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const
       break;
     }
   }
+}
+
+void ServerState::connect(UserNumber user, const Connection& connection) {
+  if (user >= users.size()) {
+    users.resize(user + 1);
+  }
+  PeerSession& session = users[user];
+  session = {};
+  session.self = Endpoint::user(user);
+  session.connection = connection;
+  session.connected = true;
+  const auto insert = [user](std::vector<UserNumber>& list) {
+    list.insert(std::lower_bound(list.begin(), list.end(), user), user);
+  };
+  insert(connected);
+  const auto same = [&](const UserConnection& peers) { return peers.connection.in == connection.in; };
+  auto peers = std::find_if(user_connections.begin(), user_connections.end(), same);
+  if (peers == user_connections.end()) {
+    peers = user_connections.insert(peers, {connection, {}, 0, {}, {}});
+  }
+  insert(peers->users);
+}
+
+void ServerState::remove_disconnected() {
+  const auto has_left = [this](UserNumber user) { return !users[user].connected; };
+  std::erase_if(connected, has_left);
+  for (UserConnection& peers : user_connections) {
+    std::erase_if(peers.users, has_left);
+  }
+  std::erase_if(user_connections, [](const UserConnection& peers) { return peers.users.empty(); });
 }
 
 void ServerState::note_host_change(std::uint32_t slot) {

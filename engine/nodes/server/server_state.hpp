@@ -15,6 +15,7 @@
 #include "nodes/server/objects/object_table.hpp"
 #include "nodes/server/peer_session.hpp"
 #include "nodes/server/server_setup.hpp"
+#include "nodes/server/user_connection.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/frame_report.hpp"
 #include "telemetry/clock.hpp"
@@ -74,10 +75,11 @@ struct ServerState {
   ObjectTable objects;
   Host host;  ///< objects that the server hosts
   ContactLedger ledger;
-  std::vector<PeerSession> nodes;            ///< by slot; a free slot is not connected
-  std::vector<PeerSession> users;            ///< by user number
-  std::vector<UserNumber> connected;         ///< users, ascending
-  std::vector<UserNumber> awaited_users;     ///< those from which the frame still needs a message
+  std::vector<PeerSession> nodes;     ///< by slot; a free slot is not connected
+  std::vector<PeerSession> users;     ///< by user number
+  std::vector<UserNumber> connected;  ///< users, ascending
+  std::vector<UserConnection> user_connections;
+  std::size_t awaited_users = 0;             ///< number of those from which the frame still needs a message
   std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
   std::vector<HandOver> hand_overs;          ///< of this frame
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
@@ -114,6 +116,46 @@ struct ServerState {
       all &= users[user].lost || done(users[user]);
     }
     return all;
+  }
+  /// Before a step of the frame sends messages to the users.
+  void start_sending_to_users() noexcept {
+    for (UserConnection& peers : user_connections) {
+      peers.next = 0;
+    }
+  }
+  /// Calls `send` for the users of a connection that are not lost, from the first one to which this step has not sent
+  /// everything, until it returns false. Returns whether it returned true for all.
+  template <class Send>
+  bool send_to_users(UserConnection& peers, Send send) {
+    for (; peers.next < peers.users.size(); ++peers.next) {
+      PeerSession& user = users[peers.users[peers.next]];
+      if (!user.lost && !send(user)) {
+        return false;
+      }
+    }
+    return true;
+  }
+  /// Sends the users of a connection a message without records, once for all of them; true when it is sent. If all are
+  /// lost, it is not sent.
+  bool send_to_all(UserConnection& peers, messages::RunSender& run, messages::MessageType type) {
+    const bool any =
+        std::any_of(peers.users.begin(), peers.users.end(), [&](UserNumber user) { return !users[user].lost; });
+    return !any || run.pump(*peers.connection.out, head(type, messages::Endpoint::all_users()), 0, report().traffic,
+                            [](std::size_t, std::byte*) {});
+  }
+  /// Adds a user, which is not connected yet.
+  void connect(UserNumber user, const Connection& connection);
+  /// Removes the users whose sessions are not connected any more.
+  void remove_disconnected();
+  /// The frame needs a message of the user.
+  void await(PeerSession& user) noexcept {
+    awaited_users += user.awaited ? 0 : 1;
+    user.awaited = true;
+  }
+  /// The frame does not need a message of the user any more.
+  void stop_awaiting(PeerSession& user) noexcept {
+    awaited_users -= user.awaited ? 1 : 0;
+    user.awaited = false;
   }
   /// The session of a CD node or a connected user node; null for any other endpoint.
   PeerSession* session_of(messages::Endpoint endpoint) noexcept {

@@ -21,36 +21,32 @@ UserRole::UserRole(const UserSetup& setup)
   host_.sense(setup.sense);
 }
 
-Step UserRole::step() {
-  bool progressed = drain(
-      *setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); }, [] {});
+Step UserRole::resume() {
   while (advance()) {
-    progressed = true;
   }
   if (stage_ == Stage::abandoned) [[unlikely]] {
     return Step::abandoned;
   }
-  if (progressed) {
-    return Step::progressed;
-  }
   return stage_ == Stage::sending_states || stage_ == Stage::finishing ? Step::blocked : Step::idle;
 }
 
-void UserRole::receive(const MessageView& message) {
+Step UserRole::allow_reading() {
+  may_read_ = true;
+  return resume();
+}
+
+Step UserRole::receive(const MessageView& message) {
   switch (message.type()) {
-    case MessageType::frame_begin:
-      return begin(message.header().frame);
     case MessageType::refused:
       refused_ += message.count();
-      return;
-    case MessageType::read_publications:
-      may_read_ = true;
-      return;
+      break;
     case MessageType::notify:
-      return receive_contacts(message);
+      receive_contacts(message);
+      break;
     default:
       host_.apply(message);
   }
+  return resume();
 }
 
 void UserRole::receive_contacts(const MessageView& message) {
@@ -63,7 +59,7 @@ void UserRole::receive_contacts(const MessageView& message) {
   contacts_received_ |= message.last() && !late;
 }
 
-void UserRole::begin(std::uint64_t frame) {
+Step UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_received_ = false;
   may_read_ = setup_.interest <= 0;  // without interest the node reads nothing and needs no permission
@@ -74,10 +70,11 @@ void UserRole::begin(std::uint64_t frame) {
   host_.set_sensed(setup_.publications->sensed);
   if (!move()) [[unlikely]] {
     stage_ = Stage::abandoned;
-    return;
+    return Step::abandoned;
   }
   states_run_.start(host_.changed().size());
   stage_ = Stage::sending_states;
+  return resume();
 }
 
 // Returns false if the World has abandoned this thread during the move. Then no result of the move may become visible
@@ -114,7 +111,7 @@ void UserRole::move_and_publish() {
 
 bool UserRole::send_states() {
   const auto changed = host_.changed();
-  return states_run_.pump(*setup_.server.out, {MessageType::state_update, self_, Endpoint::server(), frame_, 0},
+  return states_run_.pump(*setup_.server, {MessageType::state_update, self_, Endpoint::server(), frame_, 0},
                           sizeof(messages::StateRecord) + host_.state_bytes(), traffic_,
                           [&](std::size_t i, std::byte* where) {
                             const Hosted& object = host_[changed[i]];
@@ -125,8 +122,8 @@ bool UserRole::send_states() {
 }
 
 bool UserRole::send_frame_done() {
-  return frame_done_run_.send(*setup_.server.out, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0},
-                              traffic_, [this](std::size_t) {
+  return frame_done_run_.send(*setup_.server, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0}, traffic_,
+                              [this](std::size_t) {
                                 host_.report(frame_stats_);
                                 return frame_stats_;
                               });

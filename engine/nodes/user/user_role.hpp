@@ -36,14 +36,15 @@ struct UserSetup {
   UserThreadParts thread;
   std::size_t objects = 0;         ///< number of objects to reserve for
   FaultRelease* faults = nullptr;  ///< ends an injected stop; null: the role does not stop
-  Connection server;               ///< the node's end of its connection with the server
+  link::Sender* server = nullptr;  ///< to the server; all user nodes of a thread have the same
 };
 
 /// A user node. It hosts its avatars, and in user deployment also its share of the active and non-active objects.
 ///
 /// In each frame it moves its objects, sends their states to the server (M1) and publishes them for the other user
 /// nodes. It reads the publications of others near its avatars when the server has allowed this. Then it receives the
-/// contacts of its objects (M4). It is connected to the server only.
+/// contacts of its objects (M4). It is connected to the server only, by the connection of its thread: UserThreadRole
+/// receives the messages and passes them to it.
 ///
 /// Threads: one thread at a time steps it. Throws only std::bad_alloc, and allocates nothing in steady state. Blocks
 /// only while the motion model does not return or an injected fault stops it.
@@ -53,9 +54,20 @@ class UserRole {
   UserRole(const UserRole&) = delete;
   UserRole& operator=(const UserRole&) = delete;
 
-  /// Receives the server's messages and continues the frame as far as possible.
-  Step step();
+  // Each of the following returns Step::idle if the node waits for the next message, Step::blocked if it waits for room
+  // in the ring, or Step::abandoned.
+  /// frame_begin has arrived: moves its objects, publishes them, and sends their states.
+  Step begin(std::uint64_t frame);
+  /// read_publications has arrived.
+  Step allow_reading();
+  /// Another message of the server has arrived.
+  Step receive(const messages::MessageView& message);
+  /// Continues the frame as far as possible. Call it after Step::blocked.
+  Step resume();
 
+  UserNumber number() const noexcept { return setup_.user; }
+  /// Size of a model state in messages.
+  std::size_t state_bytes() const noexcept { return host_.state_bytes(); }
   /// Call it when another thread steps the role from now on, while no thread steps it.
   void set_thread(const UserThreadParts& thread) noexcept { setup_.thread = thread; }
 
@@ -85,9 +97,7 @@ class UserRole {
 
  private:
   enum class Stage : std::uint8_t { waiting, sending_states, reading_others, awaiting_contacts, finishing, abandoned };
-  void receive(const messages::MessageView& message);
   void receive_contacts(const messages::MessageView& message);
-  void begin(std::uint64_t frame);
   bool move();
   void move_and_publish();
   void enter(telemetry::StepClock::Step step) noexcept;

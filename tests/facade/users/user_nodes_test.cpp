@@ -38,7 +38,7 @@ struct Fixture {
       request.user = number;
       state.order.requests.push_back(request);
     }
-    users.connect();
+    users.apply_requests();
   }
   const link::Publication* publication(UserNumber number) const {
     return state.publications.users.at(number).publication;
@@ -143,10 +143,9 @@ TEST_CASE("a stalled thread keeps the user node in whose move it is, and a new t
   fixture.users.replace_stalled_threads();
   REQUIRE(order.users_moved);
   CHECK(order.stalled_users == Numbers{2});
-  REQUIRE(order.moved_users.size() == 2);
-  CHECK(order.moved_users[0].user == 0);
-  CHECK(order.moved_users[1].user == 4);
-  CHECK(order.moved_users[1].bell == fixture.users.threads().bell(0));
+  REQUIRE(order.moved_connections.size() == 1);
+  CHECK(order.moved_connections[0].connection.in == fixture.state.order.requests[0].connection.in);
+  CHECK(order.moved_connections[0].bell == fixture.users.threads().bell(0));
   CHECK(fixture.numbers_in_time() == Numbers{0, 1, 4});
   CHECK(fixture.publication(2) == nullptr);
   CHECK(fixture.threads() == 3);

@@ -64,7 +64,7 @@ TEST_CASE("a replacement has a thread of its own, and its first check finds no m
   threads.at(1).watch.enter(1);
   (void)threads.find_stalled();
   const link::Doorbell* bell = threads.bell(1);
-  const auto stalled = threads.replace(1, threads.start_replacement());
+  const auto stalled = threads.replace(1, threads.start_replacement(), {});
   CHECK(&stalled->worker->bell() == bell);
   CHECK(threads.bell(1) != bell);
   CHECK(threads.find_stalled().empty());

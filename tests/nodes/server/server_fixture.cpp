@@ -53,14 +53,8 @@ Connection ServerFixture::connection(Endpoint peer) {
 }
 
 void ServerFixture::connect(UserNumber user) {
-  state_->users.resize(std::max<std::size_t>(state_->users.size(), user + 1));
-  PeerSession& session = state_->users[user];
-  session = {};
-  session.self = Endpoint::user(user);
-  session.connection = connection(session.self);
-  session.connected = true;
+  state_->connect(user, connection(Endpoint::user(user)));
   publications_.users.resize(state_->users.size());
-  state_->connected.insert(std::lower_bound(state_->connected.begin(), state_->connected.end(), user), user);
 }
 
 std::uint32_t ServerFixture::add(const Vec3d& position, Endpoint host, Category category, UserNumber user) {

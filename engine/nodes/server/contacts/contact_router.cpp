@@ -100,7 +100,8 @@ void ContactRouter::start_nodes() {
     if (corrections != 0) {
       node.closing.correct_run.start(corrections);
     }
-    start(node);
+    node.closing.end_run.start(1);
+    node.closing.map_run.start(state_.map.table().size());
     return true;
   });
 }
@@ -108,18 +109,12 @@ void ContactRouter::start_nodes() {
 void ContactRouter::start_users() {
   list_notices();
   users_are_notified_ = false;
-  state_.awaited_users.clear();
+  state_.start_sending_to_users();
   state_.all_users([&](PeerSession& user) {
-    start(user);
-    state_.awaited_users.push_back(user.self.number());
+    user.closing.notice_run.start(user.closing.notices.size());
+    state_.await(user);
     return true;
   });
-}
-
-void ContactRouter::start(PeerSession& session) {
-  session.closing.notice_run.start(session.closing.notices.size());
-  session.closing.end_run.start(1);
-  session.closing.map_run.start(state_.map.table().size());
 }
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
@@ -161,27 +156,26 @@ Contact ContactRouter::contact_of(std::uint32_t notice) const noexcept {
   return contact;
 }
 
-bool ContactRouter::notify(PeerSession& session) {
-  PeerSession::Closing& closing = session.closing;
-  if (!relay_.send_read_publications(session)) {
-    return false;
-  }
-  if (session.self.is_user()) {
-    return state_.send(session, closing.notice_run, MessageType::notify,
-                       [&](std::size_t i) { return contact_of(closing.notices[i]); });
-  }
+bool ContactRouter::notify(PeerSession& node) {
+  PeerSession::Closing& closing = node.closing;
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
-  const auto unlisted = state_.ledger.unlisted(session.self.number());
-  const auto corrections = state_.ledger.corrections(session.self.number());
-  return (!state_.map_change.at_end || state_.send_map(session, closing.map_run)) &&
-         state_.send(session, closing.unlist_run, MessageType::unlist,
+  const auto unlisted = state_.ledger.unlisted(node.self.number());
+  const auto corrections = state_.ledger.corrections(node.self.number());
+  return (!state_.map_change.at_end || state_.send_map(node, closing.map_run)) &&
+         state_.send(node, closing.unlist_run, MessageType::unlist,
                      [&](std::size_t i) { return messages::UnlistRecord{unlisted[i].key}; }) &&
-         state_.send(session, closing.correct_run, MessageType::correct,
+         state_.send(node, closing.correct_run, MessageType::correct,
                      [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; }) &&
-         state_.send(session, closing.end_run, MessageType::frame_end, [&](std::size_t) {
-           return messages::FrameEndRecord{closing.hand_overs, exchange_.announced_contacts(session),
-                                           exchange ? 1u : 0u, 0};
+         state_.send(node, closing.end_run, MessageType::frame_end, [&](std::size_t) {
+           return messages::FrameEndRecord{closing.hand_overs, exchange_.announced_contacts(node), exchange ? 1u : 0u,
+                                           0};
          });
+}
+
+bool ContactRouter::notify_user(PeerSession& user) {
+  PeerSession::Closing& closing = user.closing;
+  return state_.send(user, closing.notice_run, MessageType::notify,
+                     [&](std::size_t i) { return contact_of(closing.notices[i]); });
 }
 
 bool ContactRouter::notify_users() {
@@ -189,8 +183,9 @@ bool ContactRouter::notify_users() {
     return false;
   }
   users_are_notified_ = true;
-  for (const UserNumber user : state_.awaited_users) {
-    users_are_notified_ &= notify(state_.users[user]);
+  for (UserConnection& peers : state_.user_connections) {
+    users_are_notified_ &= relay_.send_read_publications(peers) &&
+                           state_.send_to_users(peers, [this](PeerSession& user) { return notify_user(user); });
   }
   return true;
 }

@@ -32,12 +32,12 @@ class ContactRouter {
   void assign_next_hosts();
   /// Starts what notify() sends to the nodes.
   void start_nodes();
-  /// Sends a peer what ends its frame: to nodes map, unlisted contacts, corrections, and what they get from each other;
-  /// to users contacts. Sends as much as the ring takes; true when all is sent.
-  bool notify(PeerSession& session);
-  /// Lists what notify() sends to the users, and awaits their acknowledgements.
+  /// Sends a node what ends its frame: map, unlisted contacts, corrections, and what it gets from other nodes. Sends as
+  /// much as the ring takes; true when all is sent.
+  bool notify(PeerSession& node);
+  /// Lists what notify_users() sends, and awaits their acknowledgements.
   void start_users();
-  /// Notifies the awaited users. Returns false if that was done before.
+  /// Sends the users their contacts. Returns false if that was done before.
   bool notify_users();
   /// When the frame is complete: counts its contacts, and what nodes have read from each other.
   void count_contacts();
@@ -49,7 +49,7 @@ class ContactRouter {
   void list_notices();
   void list_notice(std::uint32_t notice, const Found& found);
   Contact contact_of(std::uint32_t notice) const noexcept;
-  void start(PeerSession& session);
+  bool notify_user(PeerSession& user);
 
   ServerState& state_;
   ServerExchange& exchange_;

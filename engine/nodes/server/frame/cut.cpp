@@ -135,16 +135,7 @@ void Cut::apply(const Request& request) {
 }
 
 void Cut::connect(const Request& request) {
-  if (request.user >= state_.users.size()) {
-    state_.users.resize(request.user + 1);
-  }
-  PeerSession& session = state_.users[request.user];
-  session = {};
-  session.self = Endpoint::user(request.user);
-  session.connection = request.connection;
-  session.connected = true;
-  state_.connected.insert(std::lower_bound(state_.connected.begin(), state_.connected.end(), request.user),
-                          request.user);
+  state_.connect(request.user, request.connection);
   users_changed_ = true;
 }
 
@@ -168,6 +159,7 @@ void Cut::add_node(const Request& request) {
 // Its objects end when all requests are applied, so that any number of users costs one pass. Requests that name its
 // number come after that: the number is not free before the frame is complete.
 void Cut::disconnect(UserNumber user) {
+  state_.stop_awaiting(state_.users[user]);
   state_.users[user].connected = false;
   users_changed_ = any_left_ = true;
 }
@@ -179,7 +171,7 @@ void Cut::end_left_users() {
       end_object(slot);
     }
   }
-  std::erase_if(state_.connected, has_left);
+  state_.remove_disconnected();
   any_left_ = false;
 }
 
@@ -354,12 +346,24 @@ void Cut::start_nodes() {
 }
 
 void Cut::start_users() {
-  state_.awaited_users.clear();
+  state_.start_sending_to_users();
+  for (UserConnection& peers : state_.user_connections) {
+    peers.begin_run.start(0);
+  }
   state_.all_users([&](PeerSession& user) {
     start(user);
-    state_.awaited_users.push_back(user.self.number());
+    state_.await(user);
     return true;
   });
+}
+
+bool Cut::open_users() {
+  bool all = true;
+  for (UserConnection& peers : state_.user_connections) {
+    all &= state_.send_to_users(peers, [this](PeerSession& user) { return send_changes(user); }) &&
+           state_.send_to_all(peers, peers.begin_run, MessageType::frame_begin);
+  }
+  return all;
 }
 
 void Cut::start(PeerSession& session) {
@@ -382,7 +386,12 @@ void Cut::start(PeerSession& session) {
   session.probed_ns = session.started.ns = session.notified.ns = 0;
 }
 
-bool Cut::open(PeerSession& session) {
+bool Cut::open(PeerSession& node) {
+  return (!state_.map_change.precedes_frame || state_.send_map(node, node.loss.map_run)) && send_changes(node) &&
+         state_.send_empty(node, node.opening.begin_run, MessageType::frame_begin);
+}
+
+bool Cut::send_changes(PeerSession& session) {
   PeerSession::Opening& opening = session.opening;
   const ObjectTable& objects = state_.objects;
   const std::size_t state_bytes = objects.state_bytes();
@@ -415,13 +424,10 @@ bool Cut::open(PeerSession& session) {
     }
     return sent;
   };
-  const bool needs_map = state_.map_change.precedes_frame && session.self.is_node();
-  return (!needs_map || state_.send_map(session, session.loss.map_run)) &&
-         send(opening.drop_run, opening.drops, MessageType::drop, write_drop) && send_adoptions() &&
+  return send(opening.drop_run, opening.drops, MessageType::drop, write_drop) && send_adoptions() &&
          send(opening.place_run, opening.placements, MessageType::place, write_placement) &&
          send(opening.contact_run, opening.contacts, MessageType::notify, copy) &&
-         send(opening.refused_run, opening.refusals, MessageType::refused, copy) &&
-         state_.send_empty(session, opening.begin_run, MessageType::frame_begin);
+         send(opening.refused_run, opening.refusals, MessageType::refused, copy);
 }
 
 }  // namespace ringfence::nodes

@@ -36,13 +36,14 @@ class Cut {
   void assign_hosts();
   /// Lists the contacts of the frame before for hosts that did not have an object then.
   void list_known_contacts();
-  /// Prepares what open() sends to the nodes, and resets what is received from them.
+  /// Prepares what open() sends, and resets what is received from the nodes.
   void start_nodes();
-  /// The same for the users, while the nodes already move. Awaits the users' states.
-  void start_users();
-  /// Sends a peer its changes, then `frame_begin`: a host that receives it knows what it hosts. Sends as much as the
+  /// Sends a node its changes, then `frame_begin`: a host that receives it knows what it hosts. Sends as much as the
   /// ring takes; true when all is sent.
-  bool open(PeerSession& session);
+  bool open(PeerSession& node);
+  /// The same two for the users, while the nodes already move. Awaits the users' states.
+  void start_users();
+  bool open_users();
 
  private:
   void apply(const Request& request);
@@ -59,6 +60,7 @@ class Cut {
   void list_changed();
   void rehost(const HostChange& change);
   void start(PeerSession& session);
+  bool send_changes(PeerSession& session);
 
   ServerState& state_;
   ObjectStates& states_;

@@ -10,6 +10,7 @@
 
 namespace ringfence::nodes {
 
+using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
@@ -91,58 +92,80 @@ bool Ingest::is_awaited(const PeerSession& node) const noexcept {
   return true;
 }
 
-// Of many user nodes most have nothing to send at most times, and polling a ring costs a cache miss. So only the rings
-// of awaited users are read; unexpected messages stay there until the user is awaited again.
+// While no user is awaited, unexpected messages stay in the rings.
 bool Ingest::receive_from_users() {
-  constexpr std::size_t ahead = 4;
   bool any = false;
-  for (std::size_t i = 0; i < state_.awaited_users.size();) {
-    if (i + ahead < state_.awaited_users.size()) {
-      state_.users[state_.awaited_users[i + ahead]].connection.in->prefetch();
-    }
-    PeerSession& user = state_.users[state_.awaited_users[i]];
-    any |= !user.lost && drain(user);
-    if (user.lost || (state_.contacts_are_final() ? user.received.frame_done : user.received.states)) {
-      state_.awaited_users[i] = state_.awaited_users.back();
-      state_.awaited_users.pop_back();
+  for (const UserConnection& peers : state_.user_connections) {
+    any |= state_.awaited_users != 0 && drain(peers);
+  }
+  return any;
+}
+
+bool Ingest::drain(PeerSession& node) {
+  bool any = false;
+  for (auto bytes = node.connection.in->next(); !bytes.empty(); bytes = node.connection.in->next()) {
+    any = true;
+    MessageView message;
+    if (node.broken) [[unlikely]] {
+      state_.refuse(Status::late);
+    } else if (messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
+               message.header().source == node.self.value &&
+               (message.header().frame == state_.frame || message.type() == MessageType::probe_reply)) {
+      // A probe reply may be one frame late.
+      receive(node, message);
     } else {
-      ++i;
+      refuse(node, Status::bad_message);
+    }
+  }
+  if (any) {
+    node.connection.in->release();
+    if (state_.setup.node_deadline_ns != 0) {
+      node.last_received_ns = telemetry::now_ns();
+      node.probed_ns = 0;
     }
   }
   return any;
 }
 
-// Reads the messages of a peer up to a limit for users: a flooding user must not keep the others waiting.
-bool Ingest::drain(PeerSession& session) {
+// Reads what the users of a connection have sent, up to a limit: a flooding thread must not keep the others waiting.
+bool Ingest::drain(const UserConnection& peers) {
   constexpr std::size_t max_bytes_at_once = 65536;
-  bool any = false;
   std::size_t taken = 0;
-  for (auto bytes = session.connection.in->next(); !bytes.empty();
-       bytes = taken < max_bytes_at_once ? session.connection.in->next() : std::span<const std::byte>{}) {
-    taken += session.self.is_user() ? bytes.size() : 0;
-    MessageView message;
-    if (session.broken) [[unlikely]] {
-      state_.refuse(Status::late);
-    } else if (session.self.is_user() && is_over_quota(session, bytes)) {
-      refuse(session, Status::over_quota);
-    } else if (messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
-               message.header().source == session.self.value &&
-               (message.header().frame == state_.frame || message.type() == MessageType::probe_reply)) {
-      // A probe reply may be one frame late.
-      receive(session, message);
-    } else {
-      refuse(session, Status::bad_message);
+  while (taken < max_bytes_at_once) {
+    const std::span<const std::byte> bytes = peers.connection.in->next();
+    if (bytes.empty()) {
+      break;
     }
-    any = true;
+    taken += bytes.size();
+    receive_from_user(peers, bytes);
   }
-  if (any) {
-    session.connection.in->release();
-    if (state_.setup.node_deadline_ns != 0) {
-      session.last_received_ns = telemetry::now_ns();
-      session.probed_ns = 0;
-    }
+  peers.connection.in->release();
+  return taken != 0;
+}
+
+// A message that names no user of its connection counts as one of the first of them. What a late user sends is ignored.
+void Ingest::receive_from_user(const UserConnection& peers, std::span<const std::byte> bytes) {
+  MessageView message;
+  bool valid = messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok;
+  const Endpoint source{valid ? message.header().source : Endpoint::none().value};
+  const bool named = source.is_user() && source.number() < state_.users.size() &&
+                     state_.users[source.number()].connected &&
+                     state_.users[source.number()].connection.in == peers.connection.in;
+  PeerSession& user = state_.users[named ? source.number() : peers.users.front()];
+  if (user.lost) {
+    return;
   }
-  return any;
+  valid = valid && named && message.header().frame == state_.frame;
+  if (is_over_quota(user, bytes.size(), valid ? &message : nullptr)) {
+    refuse(user, Status::over_quota);
+  } else if (valid) {
+    receive(user, message);
+  } else {
+    refuse(user, Status::bad_message);
+  }
+  if (state_.contacts_are_final() ? user.received.frame_done : user.received.states) {
+    state_.stop_awaiting(user);
+  }
 }
 
 bool Ingest::refuse_lost() {
@@ -161,18 +184,15 @@ bool Ingest::refuse_lost() {
 
 // Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
 // nevertheless: otherwise the frame would wait for them.
-bool Ingest::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
-  session.received.bytes += bytes.size();
-  if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes + 512 * shared_objects()) {
+bool Ingest::is_over_quota(PeerSession& user, std::size_t bytes, const MessageView* valid) {
+  user.received.bytes += bytes;
+  if (state_.setup.quotas.bytes == 0 || user.received.bytes <= state_.setup.quotas.bytes + 512 * shared_objects()) {
     return false;
   }
-  MessageView message;
-  const bool valid = messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
-                     message.header().source == session.self.value && message.header().frame == state_.frame;
-  if (valid && message.type() == MessageType::frame_done) {
+  if (valid != nullptr && valid->type() == MessageType::frame_done) {
     return false;
   }
-  session.received.states |= valid && message.type() == MessageType::state_update && message.last();
+  user.received.states |= valid != nullptr && valid->type() == MessageType::state_update && valid->last();
   return true;
 }
 

@@ -39,12 +39,15 @@ class Ingest {
   bool is_awaited(const PeerSession& node) const noexcept;
   bool receive_from_arrived();
   bool receive_from_users();
-  bool drain(PeerSession& session);
+  bool drain(PeerSession& node);
+  bool drain(const UserConnection& peers);
+  void receive_from_user(const UserConnection& peers, std::span<const std::byte> bytes);
   /// Objects that a user may host beside its avatars.
   std::size_t shared_objects() const noexcept {
     return state_.setup.deployment == Deployment::user ? state_.objects.live() : 0;
   }
-  bool is_over_quota(PeerSession& user, std::span<const std::byte> bytes);
+  /// `bytes`: size of the message; `valid`: its view, null if it is not valid.
+  bool is_over_quota(PeerSession& user, std::size_t bytes, const messages::MessageView* valid);
   bool may_send(const PeerSession& session, const messages::MessageView& message) const noexcept;
   bool is_acceptable(const PeerSession& node, const messages::MessageView& message) const noexcept;
   void receive(PeerSession& session, const messages::MessageView& message);

@@ -97,11 +97,10 @@ void StateRelay::allow_reading() {
   is_final_ = true;
   if (state_.setup.interest > 0) {
     indexer_.list(*state_.setup.publications, state_.connected, state_.frame);
-    state_.all_users([&](PeerSession& user) {
-      user.closing.read_publications_run.start(0);
-      send_read_publications(user);
-      return true;
-    });
+    for (UserConnection& peers : state_.user_connections) {
+      peers.read_publications_run.start(0);
+      send_read_publications(peers);
+    }
   }
 }
 

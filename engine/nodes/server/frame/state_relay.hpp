@@ -46,12 +46,12 @@ class StateRelay {
   /// Whether every role has published, and user nodes have not been allowed to read.
   bool is_ready() noexcept;
   /// All states are in publications that do not change any more in this frame: lists them, and sends the users
-  /// `read_publications`, so that they read while the nodes test. If a user's ring is full, the message is sent
-  /// together with its contacts: the server does not wait here.
+  /// `read_publications`, so that they read while the nodes test. If a ring is full, the message is sent
+  /// together with the contacts: the server does not wait here.
   void allow_reading();
   /// Continues sending `read_publications`; true when it is sent.
-  bool send_read_publications(PeerSession& user) {
-    return state_.send_empty(user, user.closing.read_publications_run, messages::MessageType::read_publications);
+  bool send_read_publications(UserConnection& peers) {
+    return state_.send_to_all(peers, peers.read_publications_run, messages::MessageType::read_publications);
   }
 
  private:

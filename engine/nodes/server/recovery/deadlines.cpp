@@ -94,10 +94,9 @@ bool Deadlines::check_moves(std::uint64_t now) {
     for (const UserNumber user : order.stalled_users) {
       count_late(state_.users[user]);
     }
-    for (const FrameOrder::MovedUser& moved : order.moved_users) {
-      const Connection& connection = state_.users[moved.user].connection;
-      connection.out->set_bell(moved.bell);
-      connection.in->set_bell(moved.bell);
+    for (const FrameOrder::MovedConnection& moved : order.moved_connections) {
+      moved.connection.out->set_bell(moved.bell);
+      moved.connection.in->set_bell(moved.bell);
       moved.bell->ring();  // there may be messages that were sent before set_bell()
     }
     order.users_moved.store(false, std::memory_order_release);
@@ -123,6 +122,7 @@ bool Deadlines::is_overdue(const PeerSession& user, std::uint64_t now) const noe
 
 void Deadlines::count_late(PeerSession& user) {
   user.lost = true;
+  state_.stop_awaiting(user);
   state_.report().late.emplace_back(user.self.number());
   state_.refuse(Status::late);
 }

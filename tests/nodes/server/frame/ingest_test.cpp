@@ -15,7 +15,7 @@ struct Receiver {
   ObjectTable& objects() { return fixture.state().objects; }
   void await(UserNumber user) {
     fixture.connect(user);
-    state().awaited_users.push_back(user);
+    state().await(state().users[user]);
   }
   messages::StateRecord record(std::uint32_t slot, const Vec3d& position) {
     messages::StateRecord record;
@@ -59,7 +59,7 @@ TEST_CASE("a user node moves the objects that it hosts, and its other records ar
   CHECK(test.refused(Status::not_finite) == 1);
   CHECK(test.state().users[0].received.refusals.size() == 3);
   CHECK(test.state().users[0].received.states);
-  CHECK(test.state().awaited_users.empty());
+  CHECK(test.state().awaited_users == 0);
 }
 
 TEST_CASE("after a user's last states its poses are final, and nothing is read until it is awaited again") {
@@ -70,7 +70,7 @@ TEST_CASE("after a user's last states its poses are final, and nothing is read u
   test.ingest.receive();
   test.fixture.send(Endpoint::user(0), MessageType::state_update, test.record(own, {6, 1, 1}));
   CHECK(!test.ingest.receive());
-  test.state().awaited_users = {0};
+  test.state().await(test.state().users[0]);
   CHECK(test.ingest.receive());
   CHECK(test.refused(Status::bad_message) == 1);
   CHECK(test.objects().row(own).pose.position.x == 5);

@@ -94,7 +94,7 @@ TEST_CASE("with threads, the facade is asked once per half deadline who is late,
   CHECK(!test.deadlines.check(start + deadline / 2 + 2));
   CHECK(!test.fixture.order().users_overdue);
   test.fixture.order().stalled_users = {1};
-  test.fixture.order().moved_users = {{0, &new_thread}};
+  test.fixture.order().moved_connections = {{test.state().users[0].connection, &new_thread}};
   test.fixture.order().users_moved = true;
   CHECK(test.deadlines.check(start + deadline));
   CHECK(!test.fixture.order().users_moved);
