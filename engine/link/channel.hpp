@@ -36,6 +36,10 @@ class alignas(cache_line_pair_bytes) BasicSender {
   /// While quiet, publish() rings no doorbell: the caller wakes the receiver by other means, also if a claim finds no
   /// room.
   void set_quiet(bool quiet) noexcept { quiet_ = quiet; }
+  /// Rings the receiver's doorbell if anything was published while quiet since the last call.
+  void ring_unrung() noexcept {
+    if (std::exchange(unrung_, false) && bell_) bell_->ring();
+  }
   /// Whether anything was published while quiet since the last call.
   bool take_unrung() noexcept { return std::exchange(unrung_, false); }
 

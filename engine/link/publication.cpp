@@ -16,6 +16,9 @@ namespace {
 /// frame. Without a directory a reader needs a binary search for each look-up, at about 5 ns a step.
 constexpr std::size_t max_directory_entries_per_state = 4;
 
+/// So few states are found without a directory. Most user nodes publish one state, and there are many of them.
+constexpr std::size_t few_states = 8;
+
 /// Reader: orders its reads of a buffer before its second test of the stamp. Writer: orders the reset of the stamp
 /// before its writes to the buffer. Needed only if the frame protocol is violated. Left out under the thread sanitizer,
 /// which does not support fences and would report that case as a race.
@@ -77,7 +80,7 @@ Publication::FrameBuffer& Publication::order_keys() {
     return buffer;
   }
   const std::size_t cells = find_cell_range(buffer);
-  buffer.dense = cells <= max_directory_entries_per_state * key_count_;
+  buffer.dense = key_count_ > few_states && cells <= max_directory_entries_per_state * key_count_;
   if (buffer.dense) {
     counting_sort_keys(buffer, cells);
   } else if (!ascending_) {

@@ -10,6 +10,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/prefetch.hpp"
 #include "link/atomics.hpp"
 #include "ringfence/seen_state.hpp"
 
@@ -103,6 +104,16 @@ class Publication {
     key_count_ = static_cast<std::size_t>(next - keys_.data());
   }
   static constexpr std::uint32_t no_cell = 0xffffffffu;
+  /// Writer: prefetches the arrays that a frame of few states writes next.
+  void prefetch_arrays() const noexcept {
+    const FrameBuffer& buffer = buffers_[current_ ^ 1];
+    for (const void* const array :
+         {static_cast<const void*>(added_.data()), static_cast<const void*>(keys_.data()),
+          static_cast<const void*>(buffer.states.data()), static_cast<const void*>(buffer.cells.data()),
+          static_cast<const void*>(buffer.starts.data())}) {
+      base::prefetch_for_read(array);
+    }
+  }
   /// Writer, instead of publish(): the same for entries added by index. `state_of(index)` returns the PublishedState of
   /// an entry and is called once for each; `prefetch(index)` is called some entries earlier.
   template <class Fetch, class StateOf>

@@ -137,6 +137,25 @@ TEST_CASE("a sender that finds no room publishes, and the next release rings it"
   CHECK(channel.sender().claim(1000).size() == 1000);
 }
 
+TEST_CASE("what a quiet sender has published wakes the receiver when the sender asks for it") {
+  Doorbell bell;
+  Channel channel(4096, &bell, nullptr);
+  channel.sender().set_quiet(true);
+  for (int round = 0; round < 20; ++round) {
+    std::thread receiver([&] {
+      bell.wait([&] { return channel.receiver().has_message(); });
+      CHECK(channel.receiver().next().size() == 8);
+      channel.receiver().release();
+    });
+    channel.sender().claim(8);
+    channel.sender().commit(8);
+    channel.sender().publish();
+    channel.sender().ring_unrung();
+    CHECK(!channel.sender().take_unrung());
+    receiver.join();
+  }
+}
+
 TEST_CASE("random claims, lengths, publications and releases arrive as they were sent, with and without a stage") {
   for (const std::size_t bytes : {std::size_t{4096}, std::size_t{1} << 17}) {
     for (std::uint32_t seed = 1; seed <= 20; ++seed) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/numbers.hpp"
@@ -20,6 +21,8 @@ struct Published {
   link::Publication* publication = nullptr;  ///< null: unused entry
   regions::CellBox cell_range[2];            ///< by parity of the frame
   bool any[2] = {false, false};              ///< by parity of the frame: whether there is any state
+  /// Of a user node, by parity of the frame: all its states, so that a reader of the only cell does not have to search.
+  std::span<const link::PublishedState> states[2];
 };
 
 /// The publication, for the user nodes, of the objects that a CD node in the server's process hosts.
@@ -45,8 +48,21 @@ struct NodePublication {
 struct UserIndex {
   /// Cell and user, ascending: one entry for each cell in which a user node has states. See base::PairSort::key().
   std::vector<std::uint64_t> entries;
+  /// By block of 2^block_log2 cells with consecutive numbers: the position of its first entry. One more for the end.
+  std::vector<std::uint32_t> block_starts;
+  unsigned block_log2 = 0;
   /// Those with states in many cells, which have no entry; a limited number.
   std::vector<UserNumber> wide;
+
+  /// The position of the first entry whose cell is not below `cell`. There are about as many blocks as entries, so the
+  /// search is short unless a block is crowded.
+  std::size_t find(std::uint32_t cell) const noexcept {
+    const std::size_t block = cell >> block_log2;
+    const auto at = [this](std::uint32_t position) { return entries.begin() + position; };
+    const auto found =
+        std::lower_bound(at(block_starts[block]), at(block_starts[block + 1]), std::uint64_t{cell} << 32);
+    return static_cast<std::size_t>(found - entries.begin());
+  }
 
   static UserNumber user_of(std::uint64_t entry) noexcept { return static_cast<UserNumber>(entry); }
   static std::uint32_t cell_of(std::uint64_t entry) noexcept { return static_cast<std::uint32_t>(entry >> 32); }
@@ -115,6 +131,7 @@ class PublicationWriter {
   /// Makes the states visible to readers and returns their number. Call it once, after the last add().
   std::uint64_t publish() {
     own_.publication->publish();
+    own_.states[frame_ & 1] = own_.publication->states(frame_);
     return count_;
   }
 

@@ -1,5 +1,8 @@
 #include "nodes/exchange/user_index.hpp"
 
+#include <algorithm>
+#include <bit>
+
 namespace ringfence::nodes {
 
 namespace {
@@ -41,6 +44,23 @@ void UserIndexer::list(Publications& all, std::span<const UserNumber> users, std
   for (std::size_t i = 0; i < cells_.size(); ++i) {
     index.entries.push_back(cells_.key_at(i));
   }
+  list_blocks(index, all.grid.cells());
+}
+
+void UserIndexer::list_blocks(UserIndex& index, std::size_t cells) const {
+  const std::size_t blocks = std::min(cells, std::bit_ceil(std::max<std::size_t>(index.entries.size(), 1)));
+  index.block_log2 = static_cast<unsigned>(std::countr_zero(cells) - std::countr_zero(blocks));
+  index.block_starts.clear();
+  index.block_starts.reserve(blocks + 1);
+  std::size_t position = 0;
+  for (std::size_t block = 0; block < blocks; ++block) {
+    const auto is_before = [&](std::uint64_t entry) { return UserIndex::cell_of(entry) >> index.block_log2 < block; };
+    while (position < index.entries.size() && is_before(index.entries[position])) {
+      ++position;
+    }
+    index.block_starts.push_back(static_cast<std::uint32_t>(position));
+  }
+  index.block_starts.push_back(static_cast<std::uint32_t>(index.entries.size()));
 }
 
 }  // namespace ringfence::nodes

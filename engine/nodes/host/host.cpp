@@ -59,6 +59,17 @@ void Host::move(std::uint64_t frame) {
   collect_changed(0, hosted_.size());
 }
 
+void Host::prefetch_move() const noexcept {
+  prefetch_first();
+  for (const void* const array :
+       {static_cast<const void*>(states_.data()), static_cast<const void*>(touched_.data()),
+        static_cast<const void*>(changed_.data()), static_cast<const void*>(differs_.data()),
+        static_cast<const void*>(inputs_.data()), static_cast<const void*>(inputs_.data() + 1),
+        static_cast<const void*>(outputs_.data()), static_cast<const void*>(scratch_.data())}) {
+    base::prefetch_for_read(array);
+  }
+}
+
 void Host::report(messages::NodeFrameStats& stats) const noexcept {
   stats.hosted = size();
   stats.model_failed = refusals_.model_failed;

@@ -8,6 +8,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
+#include "base/prefetch.hpp"
 #include "nodes/fault_point.hpp"
 #include "nodes/host/frame_inputs.hpp"
 #include "nodes/host/host_contacts.hpp"
@@ -68,6 +69,13 @@ class Host : public HostedObjects {
   /// Parallel to changed(), one byte each: whether the object differs.
   std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
+  /// Prefetches the arrays that move() accesses, for a host of few objects.
+  void prefetch_move() const noexcept;
+  /// Prefetches what report() reads, and the pointer to the hosted objects.
+  void prefetch_report() const noexcept {
+    base::prefetch_for_read(&hosted_);
+    base::prefetch_object(refusals_);
+  }
   /// Sets the number of hosted objects, and those refusals.
   void report(messages::NodeFrameStats& stats) const noexcept;
   /// The frame of the last move.

@@ -85,6 +85,11 @@ class HostedObjects {
     std::uint32_t& flags = hosted_[i].object.flags;
     flags = (flags & ~messages::flag_host_owned) | (host_owned ? messages::flag_host_owned : 0u);
   }
+  /// Prefetches the place of the first hosted object.
+  void prefetch_first() const noexcept {
+    base::prefetch_for_read(hosted_.data());
+    base::prefetch_for_read(hosted_.data() + 1);
+  }
   /// Both prefetch an object that is handed over soon: first what find() reads, then the object. At the end of a frame
   /// neither is in the cache. So call prefetch_index() for all such objects, and only then prefetch_leaver() for all.
   void prefetch_index(ObjectNumber number) const noexcept { index_.prefetch(number); }

@@ -127,13 +127,23 @@ struct ServerState {
   /// everything, until it returns false. Returns whether it returned true for all.
   template <class Send>
   bool send_to_users(UserConnection& peers, Send send) {
-    for (; peers.next < peers.users.size(); ++peers.next) {
+    constexpr std::size_t users_a_ring = 16, ahead = 8;
+    const std::size_t size = peers.users.size();
+    link::Sender& out = *peers.connection.out;
+    out.set_quiet(true);
+    bool room = true;
+    while (room && peers.next < size) {
+      base::prefetch_object(users[peers.users[std::min(peers.next + ahead, size - 1)]].closing);
       PeerSession& user = users[peers.users[peers.next]];
-      if (!user.lost && !send(user)) {
-        return false;
+      room = user.lost || send(user);
+      peers.next += room ? 1 : 0;
+      if (peers.next % users_a_ring == 0) {
+        out.ring_unrung();
       }
     }
-    return true;
+    out.set_quiet(false);
+    out.ring_unrung();
+    return room;
   }
   /// Sends the users of a connection a message without records, once for all of them; true when it is sent. If all are
   /// lost, it is not sent.

@@ -128,11 +128,17 @@ void InterestReader::read_ranges(const Published& published) {
 // The cells of a row have consecutive numbers, so their entries are adjacent.
 void InterestReader::read_indexed(const CellSpan& cells) {
   const Publications& all = publications_;
-  const std::vector<std::uint64_t>& entries = all.user_index[frame_ & 1].entries;
-  auto entry = std::lower_bound(entries.begin(), entries.end(), std::uint64_t{cells.first} << 32);
-  for (; entry != entries.end() && UserIndex::cell_of(*entry) <= cells.last; ++entry) {
-    if (const UserNumber user = UserIndex::user_of(*entry); user != user_) {
-      seen_[frame_ & 1].push_back(all.users[user].publication->read(frame_, UserIndex::cell_of(*entry)));
+  const UserIndex& index = all.user_index[frame_ & 1];
+  for (std::size_t i = index.find(cells.first); i < index.entries.size(); ++i) {
+    const std::uint32_t cell = UserIndex::cell_of(index.entries[i]);
+    if (cell > cells.last) {
+      break;
+    }
+    if (const UserNumber user = UserIndex::user_of(index.entries[i]); user != user_) {
+      const Published& published = all.users[user];
+      seen_[frame_ & 1].push_back(published.cell_range[frame_ & 1].single()
+                                      ? published.states[frame_ & 1]
+                                      : published.publication->read(frame_, cell));
     }
   }
 }

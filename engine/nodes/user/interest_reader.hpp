@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/prefetch.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/host/host.hpp"
 
@@ -22,6 +23,12 @@ class InterestReader {
 
   /// Reads what was published in `frame` near the avatars of `host`. The server has allowed it.
   void read(const Host& host, std::uint64_t frame);
+  /// Prefetches what read() writes for a user with one avatar.
+  void prefetch_arrays() const noexcept {
+    base::prefetch_for_read(boxes_.data());
+    base::prefetch_for_read(seen_[0].data());
+    base::prefetch_for_read(seen_[1].data());
+  }
   /// What was read in that frame, each state once; as spans of the publications.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
     return seen_[frame & 1];

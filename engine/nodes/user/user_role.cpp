@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/prefetch.hpp"
+#include "telemetry/clock.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
@@ -11,6 +13,29 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
+
+namespace {
+
+/// Adds its life time to a timeline. There are many user nodes, so it reads the clock only if there is a timeline.
+class Span {
+ public:
+  Span(telemetry::Track* track, const char* name) noexcept
+      : track_(track), name_(name), begin_ns_(track != nullptr ? telemetry::now_ns() : 0) {}
+  ~Span() {
+    if (track_ != nullptr) {
+      track_->add(name_, begin_ns_, telemetry::now_ns());
+    }
+  }
+  Span(const Span&) = delete;
+  Span& operator=(const Span&) = delete;
+
+ private:
+  telemetry::Track* track_;
+  const char* name_;
+  std::uint64_t begin_ns_;
+};
+
+}  // namespace
 
 UserRole::UserRole(const UserSetup& setup)
     : setup_(setup),
@@ -63,9 +88,8 @@ Step UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_received_ = false;
   may_read_ = setup_.interest <= 0;  // without interest the node reads nothing and needs no permission
-  frame_stats_ = {};
   enter(telemetry::StepClock::move);
-  telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
+  const Span span(setup_.thread.track, "move");
   host_.contacts().begin(frame);
   host_.set_sensed(setup_.publications->sensed);
   if (!move()) [[unlikely]] {
@@ -106,13 +130,14 @@ void UserRole::move_and_publish() {
     }
   }
   fault_.pass(NodeStage::publication, frame_);
-  frame_stats_.published = writer.publish();
+  published_states_ = writer.publish();
 }
 
 bool UserRole::send_states() {
   const auto changed = host_.changed();
+  messages::TrafficCounts traffic{};  // the server counts
   return states_run_.pump(*setup_.server, {MessageType::state_update, self_, Endpoint::server(), frame_, 0},
-                          sizeof(messages::StateRecord) + host_.state_bytes(), traffic_,
+                          sizeof(messages::StateRecord) + host_.state_bytes(), traffic,
                           [&](std::size_t i, std::byte* where) {
                             const Hosted& object = host_[changed[i]];
                             const messages::StateRecord record{object.object, object.pose};
@@ -122,11 +147,37 @@ bool UserRole::send_states() {
 }
 
 bool UserRole::send_frame_done() {
-  return frame_done_run_.send(*setup_.server, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0}, traffic_,
+  messages::TrafficCounts traffic{};
+  return frame_done_run_.send(*setup_.server, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0}, traffic,
                               [this](std::size_t) {
-                                host_.report(frame_stats_);
-                                return frame_stats_;
+                                messages::NodeFrameStats stats;
+                                stats.published = published_states_;
+                                host_.report(stats);
+                                return stats;
                               });
+}
+
+void UserRole::prefetch(bool begins) const noexcept {
+  if (begins) {
+    base::prefetch_object(*this);
+    return;
+  }
+  base::prefetch_object(published_);
+  base::prefetch_object(reader_);
+  base::prefetch_object(frame_done_run_);
+  host_.prefetch_report();
+}
+
+void UserRole::prefetch_arrays(bool begins) const noexcept {
+  if (begins) {
+    host_.prefetch_move();
+    if (published_.publication != nullptr) {  // it has moved before
+      base::prefetch_object(*published_.publication);
+    }
+  } else {
+    host_.prefetch_first();
+    reader_.prefetch_arrays();
+  }
 }
 
 void UserRole::enter(telemetry::StepClock::Step step) noexcept {
@@ -152,7 +203,7 @@ bool UserRole::advance() {
       }
       enter(telemetry::StepClock::read_publications);
       {
-        telemetry::SpanTimer time(setup_.thread.track, "read publications", frame_stats_.busy_ns);
+        const Span span(setup_.thread.track, "read publications");
         reader_.read(host_, frame_);
       }
       stage_ = Stage::awaiting_contacts;

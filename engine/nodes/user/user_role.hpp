@@ -65,6 +65,17 @@ class UserRole {
   /// Continues the frame as far as possible. Call it after Step::blocked.
   Step resume();
 
+  /// Prefetches what begin(), or the other steps, access in the object itself.
+  void prefetch(bool begins) const noexcept;
+  /// Prefetches the arrays that begin(), or allow_reading(), accesses. Reads what prefetch() loads.
+  void prefetch_arrays(bool begins) const noexcept;
+  /// Prefetches what begin() writes into the publication. Reads what prefetch_arrays() loads.
+  void prefetch_publication() const noexcept {
+    if (published_.publication != nullptr) {  // it has moved before
+      published_.publication->prefetch_arrays();
+    }
+  }
+
   UserNumber number() const noexcept { return setup_.user; }
   /// Size of a model state in messages.
   std::size_t state_bytes() const noexcept { return host_.state_bytes(); }
@@ -117,8 +128,7 @@ class UserRole {
   std::uint64_t refused_ = 0;
   InterestReader reader_;
   messages::RunSender states_run_, frame_done_run_;
-  messages::TrafficCounts traffic_{};
-  messages::NodeFrameStats frame_stats_;
+  std::uint64_t published_states_ = 0;  ///< number in this frame
 };
 
 }  // namespace ringfence::nodes

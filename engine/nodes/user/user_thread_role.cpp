@@ -26,10 +26,11 @@ UserThreadRole::UserThreadRole(const UserThreadRole& stalled, std::vector<UserRo
 }
 
 Step UserThreadRole::step() {
-  // The server may wait for room while user nodes work.
-  constexpr std::size_t most_unreleased = 64;
+  // The server works and sends meanwhile.
+  constexpr std::size_t messages_a_ring = 16;
   const auto before = std::pair(next_, blocked_);
   std::size_t received = 0;
+  server_.out->set_quiet(true);
   Step step = resume();
   while (step == Step::idle) {
     const std::span<const std::byte> bytes = server_.in->next();
@@ -37,14 +38,16 @@ Step UserThreadRole::step() {
       break;
     }
     step = receive(bytes);
-    if (step != Step::abandoned && ++received % most_unreleased == 0) {
+    if (step != Step::abandoned && ++received % messages_a_ring == 0) {
       server_.in->release();
+      server_.out->ring_unrung();
     }
   }
   if (step == Step::abandoned) [[unlikely]] {
     return step;
   }
   server_.in->release();
+  server_.out->ring_unrung();
   return received != 0 || before != std::pair(next_, blocked_) ? Step::progressed : step;
 }
 
@@ -77,15 +80,33 @@ Step UserThreadRole::resume() {
 }
 
 Step UserThreadRole::pass_to_all() {
+  constexpr std::size_t users_a_ring = 16;
+  const bool begins = to_all_ == MessageType::frame_begin;
   while (next_ < users_.size()) {
+    prefetch_next(begins);
     UserRole* const user = users_[next_++];
-    const Step step = to_all_ == MessageType::frame_begin ? user->begin(frame_) : user->allow_reading();
+    const Step step = begins ? user->begin(frame_) : user->allow_reading();
     if (step != Step::idle) {
       blocked_ = step == Step::blocked ? user : nullptr;
       return step;
     }
+    if (next_ % users_a_ring == 0) {
+      server_.out->ring_unrung();
+    }
   }
   return Step::idle;
+}
+
+// Of many user nodes none is in a cache. First the lines of the object, then those that its pointers refer to.
+void UserThreadRole::prefetch_next(bool begins) const noexcept {
+  constexpr std::size_t ahead = 2;
+  if (next_ + 3 * ahead < users_.size()) {
+    users_[next_ + 3 * ahead]->prefetch(begins);
+    users_[next_ + 2 * ahead]->prefetch_arrays(begins);
+    if (begins) {
+      users_[next_ + ahead]->prefetch_publication();
+    }
+  }
 }
 
 std::size_t UserThreadRole::position_of(UserNumber number) const noexcept {
@@ -100,6 +121,10 @@ UserRole* UserThreadRole::find(UserNumber number) noexcept {
   }
   if (guess_ == users_.size() || users_[guess_]->number() != number) {
     return nullptr;
+  }
+  constexpr std::size_t ahead = 8;
+  if (guess_ + ahead < users_.size()) {
+    users_[guess_ + ahead]->prefetch(false);
   }
   return users_[guess_++];
 }

@@ -39,6 +39,7 @@ class UserThreadRole {
   Step receive(std::span<const std::byte> bytes);
   Step resume();
   Step pass_to_all();
+  void prefetch_next(bool begins) const noexcept;
   /// In users_: the first one whose number is not less.
   std::size_t position_of(UserNumber number) const noexcept;
   UserRole* find(UserNumber number) noexcept;

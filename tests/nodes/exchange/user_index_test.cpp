@@ -57,6 +57,10 @@ TEST_CASE("each cell with states of a user is listed once, or its user as one of
     }
     CHECK(std::is_sorted(index.entries.begin(), index.entries.end()));
     REQUIRE(index.entries.size() == expected.size());
+    for (std::uint32_t cell = 0; cell < all.grid.cells(); ++cell) {
+      CHECK(index.find(cell) ==
+            static_cast<std::size_t>(std::distance(expected.begin(), expected.lower_bound({cell, 0}))));
+    }
     auto next = expected.begin();
     for (const std::uint64_t entry : index.entries) {
       CHECK(std::pair(UserIndex::cell_of(entry), UserIndex::user_of(entry)) == *next++);

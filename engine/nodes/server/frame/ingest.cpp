@@ -130,6 +130,10 @@ bool Ingest::drain(PeerSession& node) {
 // Reads what the users of a connection have sent, up to a limit: a flooding thread must not keep the others waiting.
 bool Ingest::drain(const UserConnection& peers) {
   constexpr std::size_t max_bytes_at_once = 65536;
+  if (!peers.connection.in->has_message()) {
+    return false;
+  }
+  const std::uint64_t start = telemetry::now_ns();
   std::size_t taken = 0;
   while (taken < max_bytes_at_once) {
     const std::span<const std::byte> bytes = peers.connection.in->next();
@@ -140,7 +144,10 @@ bool Ingest::drain(const UserConnection& peers) {
     receive_from_user(peers, bytes);
   }
   peers.connection.in->release();
-  return taken != 0;
+  if (state_.stage <= FrameStage::moving) {
+    statistics_.add_ingest(telemetry::now_ns() - start);
+  }
+  return true;
 }
 
 // A message that names no user of its connection counts as one of the first of them. What a late user sends is ignored.
@@ -313,7 +320,6 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
 
 // M1. User nodes are not trusted: a state is accepted only if the user hosts the object and the pose is valid.
 void Ingest::receive_states(PeerSession& session, const MessageView& message) {
-  const std::uint64_t start = telemetry::now_ns();
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto& record = message.view<messages::StateRecord>(i);
@@ -340,7 +346,6 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
     objects.mark_moved(slot);
   }
   session.received.states |= message.last();
-  statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
 void Ingest::receive_node_states(PeerSession& session, const MessageView& message) {
