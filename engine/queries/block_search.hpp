@@ -74,7 +74,7 @@ class BlockSearch {
   bool reserve(std::size_t queries) noexcept;
 
   /// Fewer queries are searched one after another.
-  static constexpr std::size_t smallest_batch = 32;
+  static constexpr std::size_t smallest_batch = 8;
   /// Queries that descend the tree together.
   static constexpr std::size_t block = 4096;
   /// Objects are loaded this many tests in advance.

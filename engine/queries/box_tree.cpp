@@ -44,15 +44,15 @@ bool BoxTree::build(std::span<const RowBounds> rows, std::span<const std::uint32
   origin_ = box_of.origin();
   levels_.clear();
   std::size_t groups = 0;
-  for (std::size_t nodes = order.size(); nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
+  size_ = order.empty() ? rows.size() : order.size();
+  for (std::size_t nodes = size_; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
     levels_.push_back(groups);
     groups += groups_of(nodes);
     if (nodes <= tree_width) break;
   }
   groups_.resize(groups);
-  size_ = order.size();
   cost_ = 0;
-  if (order.empty()) return true;
+  if (size_ == 0) return true;
   groups_[(size_ - 1) / tree_width] = empty_group();
   if (!choose_tree_kernels().fill_leaves(rows, order, box_of, groups_.data())) {
     size_ = 0;

@@ -43,8 +43,8 @@ struct Reach {
 /// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
 class BoxTree {
  public:
-  /// Replaces the contents by the boxes of the rows `order[i]`. False, and the tree is empty, if one of them has no
-  /// object.
+  /// Replaces the contents by the boxes of the rows `order[i]`, or of all rows if `order` is empty. False, and the tree
+  /// is empty, if one of them has no object.
   bool build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of);
 
   std::size_t size() const noexcept { return size_; }  ///< number of boxes

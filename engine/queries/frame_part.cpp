@@ -8,6 +8,20 @@
 #include "geometry/vector.hpp"
 
 namespace ringfence::queries {
+namespace {
+
+/// What builds of all parts need for a while.
+struct Scratch {
+  base::FlatList<RowBounds> bounds;  ///< in the order of the tree
+  MedianSplits splits;
+};
+
+Scratch& scratch() {
+  thread_local Scratch mine;
+  return mine;
+}
+
+}  // namespace
 
 void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
                       const geometry::ShapeTable& shapes, const KnownBounds& known,
@@ -39,7 +53,7 @@ void FramePart::sort() {
     if (rows_[i].number != 0) own_->rows.push_back(i);
   }
   own_->end = static_cast<std::uint32_t>(rows_.size());
-  splits_.sort(rows_, own_->rows);
+  scratch().splits.sort(rows_, own_->rows);
   order_ = own_;
 }
 
@@ -55,16 +69,17 @@ void FramePart::find_bounds(const geometry::ShapeTable& shapes) {
   const std::vector<std::uint32_t>& objects = order_->rows;
   const Vec3d origin = choose_origin(rows_, objects);
   const geometry::FixedSpace space = space_around(origin, rows_, objects);
-  bounds_.resize(rows_.size());
+  base::FlatList<RowBounds>& bounds = scratch().bounds;
+  bounds.resize(objects.size());
   if (ends_.empty()) {
-    find_standing(shapes, space);
+    find_standing(shapes, space, bounds.data());
   } else {
-    find_ways(shapes, space);
+    find_ways(shapes, space, bounds.data());
   }
-  tree_.build(bounds_.span(), objects, BoxConverter(space, origin));
+  tree_.build(bounds.span(), {}, BoxConverter(space, origin));
 }
 
-void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {
+void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {
   const std::vector<std::uint32_t>& objects = order_->rows;
   constexpr std::size_t batch = 128, ahead = 16;
   std::array<geometry::PlacedShape, batch> placed;
@@ -78,21 +93,22 @@ void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry
     }
     shapes.bounds(std::span(placed).first(count), space, bounds.data());
     for (std::size_t i = 0; i < count; ++i) {
-      bounds_[objects[first + i]] = {bounds[i], margin_of(shapes.row(placed[i].shape))};
+      out[first + i] = {bounds[i], margin_of(shapes.row(placed[i].shape))};
     }
   }
 }
 
 // On its way a shape turns, so its box is that of its bounding ball at both ends.
-void FramePart::find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {
-  for (const std::uint32_t row : order_->rows) {
+void FramePart::find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {
+  for (std::size_t i = 0; i < order_->rows.size(); ++i) {
+    const std::uint32_t row = order_->rows[i];
     const Vec3d &from = rows_[row].pose.position, &to = ends_[row].position;
     const geometry::ShapeRow& shape = shapes.row(rows_[row].shape);
     const double radius = double{shape.bounding_radius} * (1 + 0x1p-20);
     const Vec3d ball{radius, radius, radius};
-    bounds_[row] = {space.bounds(Vec3d{std::min(from.x, to.x), std::min(from.y, to.y), std::min(from.z, to.z)} - ball,
-                                 Vec3d{std::max(from.x, to.x), std::max(from.y, to.y), std::max(from.z, to.z)} + ball),
-                    margin_of(shape)};
+    out[i] = {space.bounds(Vec3d{std::min(from.x, to.x), std::min(from.y, to.y), std::min(from.z, to.z)} - ball,
+                           Vec3d{std::max(from.x, to.x), std::max(from.y, to.y), std::max(from.z, to.z)} + ball),
+              margin_of(shape)};
   }
 }
 

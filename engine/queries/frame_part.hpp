@@ -20,7 +20,8 @@ namespace ringfence::queries {
 /// A frame may be divided into parts in any way. The first hit of all parts is the least by (fraction, number).
 ///
 /// Threads: build() by one thread; then all const functions by any number of threads. Memory: kept between builds, so
-/// that builds allocate only when they need more than any before; refers to the rows.
+/// that builds allocate only when they need more than any before; some of it by the thread that builds. Refers to the
+/// rows.
 class FramePart {
  public:
   /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
@@ -52,16 +53,14 @@ class FramePart {
  private:
   void sort();
   void find_bounds(const geometry::ShapeTable& shapes);
-  void find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space);
-  void find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space);
+  void find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
+  void find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
 
   std::span<const FrameObject> rows_;
   std::shared_ptr<const TreeOrder> order_;
   std::shared_ptr<TreeOrder> own_;  ///< for sorting; its memory is used again unless it is shared
   bool is_shared_ = false;
-  std::vector<Pose> ends_;            ///< parallel to rows_, or empty
-  base::FlatList<RowBounds> bounds_;  ///< parallel to rows_, unless they are known
-  MedianSplits splits_;
+  std::vector<Pose> ends_;  ///< parallel to rows_, or empty
   BoxTree tree_;
 };
 
