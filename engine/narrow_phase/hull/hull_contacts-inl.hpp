@@ -101,8 +101,8 @@ class HullContacts {
   }
 
   void cross_edges(std::size_t i) {
-    const std::size_t a[2] = {feature_[0][i].first(), feature_[0][i].last()};
-    const std::size_t b[2] = {feature_[1][i].first(), feature_[1][i].last()};
+    const std::size_t a[2] = {feature_[0][i].first(), feature_[0][i].last(hull(0, i).vertex_count())};
+    const std::size_t b[2] = {feature_[1][i].first(), feature_[1][i].last(hull(1, i).vertex_count())};
     const Vec3f p = vertex_of_a(i, a[1]) - vertex_of_a(i, a[0]);
     const Vec3f q = rotate(pairs_.rotation_of(i), hull(1, i).vertex(b[1]) - hull(1, i).vertex(b[0]));
     const Vec3f across = cross(p, q);

@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "base/prefetch.hpp"
+#include "narrow_phase/hull/face_bytes-inl.hpp"
 #include "narrow_phase/hull/hull_edges-inl.hpp"
 #include "narrow_phase/hull/hull_pairs-inl.hpp"
 
@@ -105,14 +106,15 @@ class HullEdgePairs {
                second = spread_out(d, at(pairs_.point[1][side], i));
     const float *const x = own.normal_x(), *const y = own.normal_y(), *const z = own.normal_z(),
                        *const offset = own.offset();
-    for (std::size_t f = 0; f < own.face_count(); f += lanes) {
+    const auto mark = [&](FaceBytes& bytes, int vector, std::size_t f) HWY_ATTR {
       const auto normal = read(d, x + f, y + f, z + f);
       const V height = hn::Load(d, offset + f);
-      auto byte = bit_where(d, hn::Ge(height - dot_of(d, normal, centre), of_ball), 0);
-      byte = hn::Or(byte, bit_where(d, hn::Ge(height - dot_of(d, normal, first), of_point), 1));
-      byte = hn::Or(byte, bit_where(d, hn::Ge(height - dot_of(d, normal, second), of_point), 2));
-      store_bytes(hn::RebindToSigned<D>(), byte, out + f);
-    }
+      bytes.set(vector, 0, hn::Ge(height - dot_of(d, normal, centre), of_ball));
+      bytes.set(vector, 1, hn::Ge(height - dot_of(d, normal, first), of_point));
+      bytes.set(vector, 2, hn::Ge(height - dot_of(d, normal, second), of_point));
+    };
+    for_face_bytes(own.face_count(), mark,
+                   [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.store(out + f); });
   }
 
   /// What is known of the edge pairs of a tile in which some pair is better than the best face.

@@ -29,6 +29,11 @@ class HullFaces {
     test_centre_axis();
     if (pairs_.input.memory != nullptr) test_cached_axes();
     if (pairs_.undecided.count == 0) return;
+    // The lanes of decided pairs are computed too: leftovers on the stack could be slow to compute with.
+    set_zero(vertex_);
+    set_zero(normal_);
+    set_zero(height_);
+    set_zero(face_);
     place_vertices();
     bound_faces();
     evaluate_least_bounds();
@@ -55,11 +60,10 @@ class HullFaces {
     HullPairs& p = pairs_;
     for (std::size_t i = 0; i < p.count; i += 2) {
       float most[4];
-      geometry::HWY_NAMESPACE::max_lanes_of_four(d, HullPairs::highest(hull(0, i), p.placed.axis(i)),
-                                                 HullPairs::highest(hull(1, i), -p.placed.axis_in_second(i)),
-                                                 HullPairs::highest(hull(0, i + 1), p.placed.axis(i + 1)),
-                                                 HullPairs::highest(hull(1, i + 1), -p.placed.axis_in_second(i + 1)),
-                                                 most);
+      geometry::HWY_NAMESPACE::max_lanes_of_four(d, highest(hull(0, i), p.placed.axis(i)),
+                                                 highest(hull(1, i), -p.placed.axis_in_second(i)),
+                                                 highest(hull(0, i + 1), p.placed.axis(i + 1)),
+                                                 highest(hull(1, i + 1), -p.placed.axis_in_second(i + 1)), most);
       p.axis_overlap[i] = (most[0] + most[1]) - p.placed.along_axis(i);
       p.axis_overlap[i + 1] = (most[2] + most[3]) - p.placed.along_axis(i + 1);
     }
@@ -98,11 +102,6 @@ class HullFaces {
   static HWY_INLINE std::size_t farthest(const geometry::Hull& of, Vec3f direction) {
     const float* const columns[3] = {of.x(), of.y(), of.z()};
     return farthest_of<float>(columns, of.vertex_count(), direction).index();
-  }
-  static HWY_INLINE void put(Vec3f v, Column3& to, std::size_t i) {
-    to[0][i] = v.x;
-    to[1][i] = v.y;
-    to[2][i] = v.z;
   }
 
   /// Finds the vertices deepest along the line between the centres.
@@ -310,9 +309,9 @@ class HullFaces {
   HullPairs& pairs_;
   // The deepest vertices of each hull along the last direction, in its own axes; the face of least bound, its normal
   // and its offset.
-  alignas(64) Column3 vertex_[2] = {}, normal_[2] = {};
-  alignas(64) float height_[2][block_pairs] = {};
-  alignas(64) std::uint32_t face_[2][block_pairs] = {};
+  alignas(64) Column3 vertex_[2], normal_[2];
+  alignas(64) float height_[2][block_pairs];
+  alignas(64) std::uint32_t face_[2][block_pairs];
   // The face of least overlap: of the first hull, or of the second counted from max_faces on.
   alignas(64) std::uint32_t choice_[block_pairs];
 };

@@ -38,6 +38,7 @@ inline PairContact* hull_hull_in_blocks(const KernelInput& input, PairContact* o
     HullEdgePairs edges(pairs);
     edges.run();
     BlockContacts found;
+    found.clear();
     HullContacts(pairs, found).run(edges.left_over());
     out = write_block<KindsOf<ShapeKind::hull, ShapeKind::hull> >(HullPairs::d, pairs.pair, pairs.count, pairs.placed,
                                                                   found, out);

@@ -30,6 +30,8 @@ struct HullPairs {
 
   HullPairs(const KernelInput& kernel_input, const KernelPair* pairs, std::size_t pair_count, WorkCounts& counts)
       : input(kernel_input), count(pair_count), work(counts) {
+    set_zero(axis_overlap);
+    set_zero(size);
     std::fill(std::copy_n(pairs, count, pair), pair + block_pairs, pairs[count - 1]);
     placed.fill<ShapeKind::hull, ShapeKind::hull>(input, pair, block_pairs);
     for (std::size_t i = 0; i < block_pairs; ++i) {
@@ -68,16 +70,6 @@ struct HullPairs {
   HWY_INLINE float support(std::size_t side, std::size_t i, Vec3f direction) const {
     return hn::GetLane(hn::MaxOfLanes(d, highest(*hull[side][i], direction)));
   }
-  /// The lanes' greatest distances of vertices along a direction.
-  static HWY_INLINE V highest(const geometry::Hull& of, Vec3f direction) {
-    const float *const x = of.x(), *const y = of.y(), *const z = of.z();
-    const auto direction_lanes = spread_out(d, direction);
-    V most = dot_of(d, read(d, x, y, z), direction_lanes);
-    for (std::size_t v = lanes; v < of.vertex_count(); v += lanes) {
-      most = hn::Max(most, dot_of(d, read(d, x + v, y + v, z + v), direction_lanes));
-    }
-    return most;
-  }
 
   /// Removes the pairs with a negative overlap from the undecided ones, and stores what separates them for the next
   /// frame. `direction_of(i)` is that direction, in the axes of the first hull.
@@ -104,14 +96,14 @@ struct HullPairs {
   PlacementColumns placed;
   const geometry::Hull* hull[2][block_pairs];
   Undecided undecided;
-  // Initialised, since the lanes of decided pairs are computed too: leftovers on the stack could be slow to compute
+  alignas(64) float best[block_pairs];  ///< the least overlap found
+  alignas(64) Column3 best_direction;   ///< its direction, from the first to the second, in the axes of the first
+  // Zero at first, since the lanes of decided pairs are computed too: leftovers on the stack could be slow to compute
   // with.
-  alignas(64) float best[block_pairs] = {};          ///< the least overlap found
-  alignas(64) Column3 best_direction = {};           ///< its direction, from the first to the second, axes of the first
-  alignas(64) float axis_overlap[block_pairs] = {};  ///< along the line between the centres, times its length
-  alignas(64) float size[block_pairs] = {};          ///< the sum of the bounding radii
+  alignas(64) float axis_overlap[block_pairs];  ///< along the line between the centres, times its length
+  alignas(64) float size[block_pairs];          ///< the sum of the bounding radii
   // Points of the other hull in the axes of each side: the centre of its ball, and two of its vertices.
-  alignas(64) Column3 ball[2] = {}, point[2][2] = {};
+  alignas(64) Column3 ball[2], point[2][2];
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

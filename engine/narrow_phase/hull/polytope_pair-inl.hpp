@@ -398,8 +398,8 @@ class PolytopePair {
 
   /// Whether two edges, each of two vertices, are parallel within 0.01.
   bool nearly_parallel(const Feature<T>& of_a, const Feature<T>& of_b) const {
-    const Point<T> p = vertex_of_a(of_a.last()) - vertex_of_a(of_a.first());
-    const Point<T> q = rotate(rotation_, vertex_of<T>(b_, of_b.last()) - vertex_of<T>(b_, of_b.first()));
+    const Point<T> p = vertex_of_a(of_a.last(a_.vertices)) - vertex_of_a(of_a.first());
+    const Point<T> q = rotate(rotation_, vertex_of<T>(b_, of_b.last(b_.vertices)) - vertex_of<T>(b_, of_b.first()));
     const Point<T> across = cross(p, q);
     return dot(across, across) < T(1e-4) * dot(p, p) * dot(q, q);
   }

@@ -48,6 +48,7 @@ class RoundHullBlock {
   }
 
   PairContact* test(PairContact* out) {
+    found_.clear();
     find_farthest_faces();
     classify_pairs();
     try_face_edges();

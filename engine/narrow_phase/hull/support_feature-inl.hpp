@@ -52,8 +52,9 @@ HWY_INLINE std::size_t collect(D d, std::size_t size, std::uint64_t* set, const 
     std::uint64_t word = 0;
     const std::size_t end = std::min(size, begin + 64);
     for (std::size_t i = begin; i < end; i += hn::Lanes(d)) {
-      word |= std::uint64_t{bits_of(d, test(i)) & first_bits(size - i)} << (i - begin);
+      word |= std::uint64_t{bits_of(d, test(i))} << (i - begin);
     }
+    word &= ~std::uint64_t{0} >> (64 - (end - begin));
     set[begin / 64] = word;
     count += static_cast<std::size_t>(std::popcount(word));
   }
@@ -81,30 +82,29 @@ struct Feature {
     while (vertices[w] == 0) ++w;
     return w * 64 + static_cast<std::size_t>(std::countr_zero(vertices[w]));
   }
-  /// Precondition: at most two vertices.
-  HWY_INLINE std::size_t last() const {
-    const std::size_t w = first() / 64;
-    const std::uint64_t rest = vertices[w] & (vertices[w] - 1);
-    if (rest != 0) return w * 64 + static_cast<std::size_t>(std::countr_zero(rest));
-    std::size_t next = w + 1;
-    while (next < std::size(vertices) && vertices[next] == 0) ++next;
-    return next < std::size(vertices) ? next * 64 + static_cast<std::size_t>(std::countr_zero(vertices[next]))
-                                      : first();
+  /// `size`: the number of vertices of the polytope.
+  HWY_INLINE std::size_t last(std::size_t size) const {
+    std::size_t w = (size - 1) / 64;
+    while (vertices[w] == 0) --w;
+    return w * 64 + 63 - static_cast<std::size_t>(std::countl_zero(vertices[w]));
   }
 };
 
+/// Finds the feature; `out.height` is already the greatest distance of a vertex along the direction.
 template <class T>
-HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
+HWY_INLINE void find_feature_at_height(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
   const Columns16<T> d;
   const auto direction_lanes = spread_out(d, direction);
-  const auto height = [&](std::size_t i) HWY_ATTR {
-    return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), direction_lanes);
-  };
-  auto most = height(0);
-  for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) most = hn::Max(most, height(i));
-  out.height = hn::GetLane(hn::MaxOfLanes(d, most));
   const auto least = hn::Set(d, out.height - slack);
-  out.count = collect(d, p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR { return hn::Ge(height(i), least); });
+  out.count = collect(d, p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR {
+    return hn::Ge(dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), direction_lanes), least);
+  });
+}
+
+template <class T>
+HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
+  out.height = support<T>(p, direction);
+  find_feature_at_height<T>(p, direction, slack, out);
 }
 
 /// The distance by which a point lies outside of a polytope: the greatest distance from a face's plane, negative

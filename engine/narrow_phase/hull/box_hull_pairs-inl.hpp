@@ -1,0 +1,86 @@
+// The state of a block of pairs of a box and a hull while it goes through the steps of the test. Included once for each
+// Highway target.
+
+#if defined(RINGFENCE_NARROW_PHASE_BOX_HULL_PAIRS_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_BOX_HULL_PAIRS_INL
+#undef RINGFENCE_NARROW_PHASE_BOX_HULL_PAIRS_INL
+#else
+#define RINGFENCE_NARROW_PHASE_BOX_HULL_PAIRS_INL
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "narrow_phase/hull/face_bytes-inl.hpp"
+#include "narrow_phase/hull/hull_block-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+/// Up to block_pairs pairs of a box and a hull, at least one: what the steps of the test read, and the best direction
+/// so far. Everything is in the axes of the box, relative to its centre, unless it says otherwise.
+struct BoxHullPairs {
+  using D = Columns16<float>;
+  using V = hn::Vec<D>;
+  using Column3 = float[3][block_pairs];
+  static constexpr D d{};
+  static constexpr std::size_t lanes = hn::MaxLanes(D());
+  /// The bits of `face_bytes`: three for points of the box, set where they are too deep below the face; from sign_bit
+  /// on one for each axis of the box, set where the normal's coordinate is negative.
+  static constexpr int sign_bit = 3;
+
+  BoxHullPairs(const KernelInput& kernel_input, const KernelPair* pairs, std::size_t pair_count, WorkCounts& counts)
+      : input(kernel_input), count(pair_count), work(counts) {
+    std::fill(std::copy_n(pairs, count, pair), pair + block_pairs, pairs[count - 1]);
+    placed.fill<ShapeKind::box, ShapeKind::hull>(input, pair, block_pairs);
+    for (std::size_t i = 0; i < block_pairs; ++i) {
+      hull[i] = &input.shapes.hull(input.shapes.row(input.bodies[pair[i].second].shape).index_in_kind);
+    }
+  }
+
+  HWY_INLINE V half(int k, std::size_t i) const { return hn::LoadU(d, placed.first_size(k) + i); }
+  HWY_INLINE Vector<D> half_lanes(std::size_t i) const { return {half(0, i), half(1, i), half(2, i)}; }
+  HWY_INLINE V offset(int k, std::size_t i) const { return hn::LoadU(d, placed.offset(k) + i); }
+  HWY_INLINE Vector<D> offset_lanes(std::size_t i) const { return {offset(0, i), offset(1, i), offset(2, i)}; }
+  HWY_INLINE Vec3f offset_of(std::size_t i) const {
+    return {placed.offset(0)[i], placed.offset(1)[i], placed.offset(2)[i]};
+  }
+  /// From the axes of the hull to those of the box.
+  HWY_INLINE Rotation<D> rotation_lanes(std::size_t i) const {
+    Rotation<D> r;
+    for (int k = 0; k < 3; ++k) {
+      for (int j = 0; j < 3; ++j) r.m[k][j] = hn::LoadU(d, placed.second_to_first(k, j) + i);
+    }
+    return r;
+  }
+  HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
+    RotationMatrix<float> r;
+    for (int k = 0; k < 3; ++k) {
+      for (int j = 0; j < 3; ++j) r.m[k][j] = placed.second_to_first(k, j)[i];
+    }
+    return r;
+  }
+  HWY_INLINE const geometry::ShapeRow& box(std::size_t i) const {
+    return input.shapes.row(input.bodies[pair[i].first].shape);
+  }
+
+  const KernelInput& input;
+  const std::size_t count;
+  WorkCounts& work;
+  KernelPair pair[block_pairs];
+  PlacementColumns placed;
+  const geometry::Hull* hull[block_pairs];
+  Undecided undecided;
+  alignas(64) float best[block_pairs];  ///< the least overlap found
+  alignas(64) Column3 best_direction;   ///< its direction, from box to hull; unit but for rounding
+  alignas(64) float size[block_pairs];  ///< the sum of the two bounding radii
+  /// One byte for each face of the hull, by which edges are listed.
+  alignas(64) std::uint8_t face_bytes[block_pairs][max_faces];
+  std::uint32_t doubtful = 0;  ///< one bit per pair: rounding could decide it wrongly
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
