@@ -1,12 +1,9 @@
 // Boxes against hulls, in blocks of pairs. Included once for each Highway target.
 //
 // The least overlap is along the normal of a face of the box, the normal of a face of the hull, or a direction across
-// one edge of each shape whose arcs of normals cross (as for any two polytopes: see polytope_pair-inl.hpp). But the
-// support of a box needs no search: it is |n| · half extents in the box's own axes. So the overlap along all face
-// normals of both shapes is computed exactly. An edge of the hull crosses an edge of the box along axis k exactly where
-// the normals of its two faces differ in the sign of coordinate k. The ball inside the box and two of its corners
-// exclude all but a few of these edges. The overlap across the remaining edges is computed in lanes: one edge per lane,
-// and the edges of a vector can belong to different pairs of the block.
+// one edge of each shape whose arcs of normals cross (as for any two polytopes: see polytope_pair-inl.hpp). The support
+// of a box needs no search: it is |n| · half extents in the box's own axes. So the overlap along all face normals of
+// the hull is computed exactly. Bounds exclude most faces of the box and most edges; see the class of each step.
 //
 // PolytopePair tests a pair again, alone, where rounding could decide wrongly: edges are nearly parallel, arcs nearly
 // miss each other, the depth differs from the least overlap, or the contact point lies outside a shape.
