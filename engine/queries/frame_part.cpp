@@ -28,39 +28,68 @@ void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std:
                       std::shared_ptr<const TreeOrder> hint) {
   rows_ = rows;
   ends_.assign(ends.begin(), ends.end());
-  const bool are_known = !known.rows.empty() && ends_.empty();
-  if (are_known && hint != nullptr && hint->rows.size() == count && hint->end <= rows.size() &&
-      tree_.build(known.rows, hint->rows, *known.box_of)) {
-    order_ = std::move(hint);  // the same rows have objects
+  const KnownBounds usable = ends_.empty() ? known : KnownBounds{};
+  if (hint != nullptr && build_in(*hint, count, usable)) {
+    order_ = std::move(hint);
     return;
   }
-  order_ = adapt(std::move(hint), rows, count);
-  const bool sorted = order_ == nullptr;
-  if (sorted) sort();
-  if (are_known) {
-    tree_.build(known.rows, order_->rows, *known.box_of);
-  } else {
+  if (hint != nullptr && usable.rows.empty() && has_same_rows(*hint, rows, count)) {
+    order_ = std::move(hint);
     find_bounds(shapes);
+    return;
   }
-  if (sorted) own_->cost = tree_.cost();
+  if (own_ == nullptr || is_shared_) own_ = std::make_shared<TreeOrder>();
+  is_shared_ = false;
+  const bool adapted = hint != nullptr && adapt(*hint, rows, count, *own_);
+  finish(adapted, shapes, usable);
+}
+
+void FramePart::build_again(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
+                            const KnownBounds& known) {
+  if (own_ == nullptr || is_shared_ || !is_good()) return build(rows, count, {}, shapes, known, nullptr);
+  rows_ = rows;
+  if (build_in(*own_, count, known)) return;
+  if (spare_ == nullptr) spare_ = std::make_shared<TreeOrder>();
+  const bool adapted = adapt(*own_, rows, count, *spare_);
+  own_.swap(spare_);
+  finish(adapted, shapes, known);
+}
+
+/// Builds the tree in an order if exactly its rows have objects, and their bounds are known, which say so.
+bool FramePart::build_in(const TreeOrder& order, std::size_t count, const KnownBounds& known) {
+  return !known.rows.empty() && order.rows.size() == count && order.end <= rows_.size() &&
+         tree_.build(known.rows, order.rows, *known.box_of);
+}
+
+/// Builds the tree in the order of own_, which is sorted first unless it has been adapted.
+void FramePart::finish(bool adapted, const geometry::ShapeTable& shapes, const KnownBounds& known) {
+  order_ = own_;
+  if (!adapted) sort();
+  if (known.rows.empty()) {
+    find_bounds(shapes);
+  } else {
+    tree_.build(known.rows, order_->rows, *known.box_of);
+  }
+  if (!adapted) own_->cost = tree_.cost();
 }
 
 void FramePart::sort() {
-  if (own_ == nullptr || is_shared_) own_ = std::make_shared<TreeOrder>();
-  is_shared_ = false;
   own_->rows.clear();
   for (std::uint32_t i = 0; i < rows_.size(); ++i) {
     if (rows_[i].number != 0) own_->rows.push_back(i);
   }
   own_->end = static_cast<std::uint32_t>(rows_.size());
   scratch().splits.sort(rows_, own_->rows);
-  order_ = own_;
 }
 
 // Sorting takes as long as some searches that visit a fifth more boxes.
-std::shared_ptr<const TreeOrder> FramePart::share_order() noexcept {
+bool FramePart::is_good() const noexcept {
   constexpr double most = 1.2;
-  if (tree_.cost() > most * order_->cost) return nullptr;
+  return tree_.cost() <= most * order_->cost;
+}
+
+std::shared_ptr<const TreeOrder> FramePart::share_order() noexcept {
+  if (!is_good()) return nullptr;
   is_shared_ = true;
   return order_;
 }

@@ -32,6 +32,11 @@ class FramePart {
              const geometry::ShapeTable& shapes, const KnownBounds& known = {},
              std::shared_ptr<const TreeOrder> hint = nullptr);
 
+  /// The same for objects that stand, in the order of the build before as long as that is good and was not shared: for
+  /// a part that is built in each frame.
+  void build_again(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
+                   const KnownBounds& known);
+
   /// The order of the tree, as a hint for other parts; null if the objects should be sorted. From the thread that
   /// builds.
   std::shared_ptr<const TreeOrder> share_order() noexcept;
@@ -51,14 +56,17 @@ class FramePart {
   }
 
  private:
+  bool build_in(const TreeOrder& order, std::size_t count, const KnownBounds& known);
+  void finish(bool adapted, const geometry::ShapeTable& shapes, const KnownBounds& known);
   void sort();
+  bool is_good() const noexcept;
   void find_bounds(const geometry::ShapeTable& shapes);
   void find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
   void find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
 
   std::span<const FrameObject> rows_;
   std::shared_ptr<const TreeOrder> order_;
-  std::shared_ptr<TreeOrder> own_;  ///< for sorting; its memory is used again unless it is shared
+  std::shared_ptr<TreeOrder> own_, spare_;  ///< for sorting; their memory is used again unless it is shared
   bool is_shared_ = false;
   std::vector<Pose> ends_;  ///< parallel to rows_, or empty
   BoxTree tree_;

@@ -80,28 +80,28 @@ void MedianSplits::put_first(std::span<Point> points, std::size_t count, std::si
   select(points.subspan(before, sizes[slice]), count - before);
 }
 
-std::shared_ptr<const TreeOrder> adapt(std::shared_ptr<const TreeOrder> before, std::span<const FrameObject> objects,
-                                       std::size_t count) {
-  if (before == nullptr) return nullptr;
-  const auto has_object = [&](std::uint32_t row) { return row < objects.size() && objects[row].number != 0; };
-  const auto kept = static_cast<std::size_t>(std::count_if(before->rows.begin(), before->rows.end(), has_object));
-  if (kept == count && kept == before->rows.size()) return before;
-  constexpr std::size_t most_new = 64;  // of so many, one
-  if ((count - kept) * most_new > count) return nullptr;
-  auto adapted = std::make_shared<TreeOrder>();
-  adapted->cost = before->cost;
-  adapted->end = static_cast<std::uint32_t>(objects.size());
-  adapted->rows.reserve(count);
-  std::vector<bool> listed(objects.size());
-  for (const std::uint32_t row : before->rows) {
-    if (!has_object(row)) continue;
-    adapted->rows.push_back(row);
+bool has_same_rows(const TreeOrder& order, std::span<const FrameObject> objects, std::size_t count) noexcept {
+  return order.rows.size() == count && order.end <= objects.size() &&
+         std::all_of(order.rows.begin(), order.rows.end(), [&](std::uint32_t row) { return objects[row].number != 0; });
+}
+
+bool adapt(const TreeOrder& before, std::span<const FrameObject> objects, std::size_t count, TreeOrder& out) {
+  thread_local std::vector<bool> listed;
+  listed.assign(objects.size(), false);
+  out.cost = before.cost;
+  out.end = static_cast<std::uint32_t>(objects.size());
+  out.rows.clear();
+  for (const std::uint32_t row : before.rows) {
+    if (row >= objects.size() || objects[row].number == 0) continue;
+    out.rows.push_back(row);
     listed[row] = true;
   }
+  constexpr std::size_t most_new = 64;  // of so many, one
+  if ((count - out.rows.size()) * most_new > count) return false;
   for (std::uint32_t row = 0; row < objects.size(); ++row) {
-    if (objects[row].number != 0 && !listed[row]) adapted->rows.push_back(row);
+    if (objects[row].number != 0 && !listed[row]) out.rows.push_back(row);
   }
-  return adapted;
+  return true;
 }
 
 }  // namespace ringfence::queries

@@ -39,11 +39,12 @@ class MedianSplits {
   std::vector<Point> points_, moved_;
 };
 
-/// The order of `before` for other objects: without the rows that have none now, and with those that have one since at
-/// the end. `count`: number of rows with an object. Null if `before` is, or if so many are new that sorting is better.
-/// May throw std::bad_alloc.
-std::shared_ptr<const TreeOrder> adapt(std::shared_ptr<const TreeOrder> before, std::span<const FrameObject> objects,
-                                       std::size_t count);
+/// Sets `out` to the order of `before` for other objects: without the rows that have none now, and with those that have
+/// one since at the end. `count`: number of rows with an object. False if so many are new that sorting is better. `out`
+/// is another object. Allocates only if `out` or the thread has had less. May throw std::bad_alloc.
+bool adapt(const TreeOrder& before, std::span<const FrameObject> objects, std::size_t count, TreeOrder& out);
+/// Whether exactly the rows of the order have objects.
+bool has_same_rows(const TreeOrder& order, std::span<const FrameObject> objects, std::size_t count) noexcept;
 
 /// The order that the last index of a world had. Any thread may call it.
 class LastOrder {

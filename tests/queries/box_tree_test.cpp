@@ -60,6 +60,25 @@ double enters(const MetricBox& box, const double start[3], const double way[3]) 
   return from <= to ? from : std::numeric_limits<double>::infinity();
 }
 
+/// What a search for a batch writes, with room for all boxes of each query.
+struct BatchMemory {
+  std::vector<std::uint32_t> lists, of, reached;
+  std::vector<std::uint8_t> masks;
+  std::vector<float> at;
+  queries::Candidates found;
+
+  BatchMemory(std::size_t queries, std::size_t boxes)
+      : lists((queries::max_levels + 1) * (queries + queries::stream_slack)),
+        of((8 * boxes + 8) * queries + queries::stream_slack),
+        reached(of.size()),
+        masks(lists.size()),
+        at(of.size()),
+        found{of.data(), reached.data(), at.data(), 0, of.size()} {}
+  BatchMemory(const BatchMemory&) = delete;
+  BatchMemory& operator=(const BatchMemory&) = delete;
+  queries::StreamMemory stream() { return {lists.data(), masks.data()}; }
+};
+
 /// Metres from a point to a box.
 double distance(const MetricBox& box, const Vec3d& point) {
   const double at[3] = {point.x, point.y, point.z};
@@ -138,20 +157,15 @@ TEST_CASE("a search for a batch lists what each of its queries reaches, or says 
         reaches.push_back(reach);
         alone.push_back(visits.boxes);
       }
-      const std::size_t lists = (queries::max_levels + 1) * (reaches.size() + queries::stream_slack);
-      std::vector<std::uint32_t> queries(lists);
-      std::vector<std::uint8_t> masks(lists);
-      const std::size_t room = (8 * count + 8) * reaches.size() + queries::stream_slack;
-      std::vector<std::uint32_t> of(room), reached(room);
-      std::vector<float> at(room);
-      queries::Candidates found{of.data(), reached.data(), at.data(), 0, room};
+      BatchMemory memory(reaches.size(), count);
+      queries::Candidates& found = memory.found;
       std::uint64_t compared = 0;
-      CHECK(kernels.reach_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+      CHECK(kernels.reach_all(tree, reaches, memory.stream(), found, compared));
       together.resize(reaches.size());
       for (std::size_t i = 0; i < found.size; ++i) {
-        together[of[i]].push_back(reached[i]);
-        CHECK(at[i] >= 0);
-        CHECK(at[i] <= reaches[of[i]].limit * 1.001f);
+        together[found.queries[i]].push_back(found.boxes[i]);
+        CHECK(found.at[i] >= 0);
+        CHECK(found.at[i] <= reaches[found.queries[i]].limit * 1.001f);
       }
       for (std::size_t i = 0; i < reaches.size(); ++i) {
         std::sort(alone[i].begin(), alone[i].end());
@@ -159,8 +173,9 @@ TEST_CASE("a search for a batch lists what each of its queries reaches, or says 
         CHECK(alone[i] == together[i]);
       }
       if (found.size < 100) return;
-      found = {of.data(), reached.data(), at.data(), 0, found.size / 2};
-      CHECK(!kernels.reach_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+      found.room = found.size / 2;
+      found.size = 0;
+      CHECK(!kernels.reach_all(tree, reaches, memory.stream(), found, compared));
       CHECK(found.size <= found.room);
     });
   }
@@ -203,19 +218,14 @@ TEST_CASE("a batch near points lists the boxes within the distance of each, on e
       reaches.push_back(tree.reach(points.back(), points.back(), {}));
       reaches.back().limit = i % 7 == 0 ? 0 : static_cast<float>(random.uniform(0, 15));
     }
-    const std::size_t lists = (queries::max_levels + 1) * (reaches.size() + queries::stream_slack);
-    std::vector<std::uint32_t> queries(lists);
-    std::vector<std::uint8_t> masks(lists);
-    const std::size_t room = 3000 * reaches.size() + queries::stream_slack + 1000;
-    std::vector<std::uint32_t> of(room), reached(room);
-    std::vector<float> at(room);
-    queries::Candidates found{of.data(), reached.data(), at.data(), 0, room};
+    BatchMemory memory(reaches.size(), boxes.metric.size());
+    const queries::Candidates& found = memory.found;
     std::uint64_t compared = 0;
-    REQUIRE(kernels.near_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+    REQUIRE(kernels.near_all(tree, reaches, memory.stream(), memory.found, compared));
     std::vector<std::vector<bool>> listed(reaches.size(), std::vector<bool>(boxes.metric.size()));
     for (std::size_t i = 0; i < found.size; ++i) {
-      CHECK(!listed[of[i]][reached[i]]);
-      listed[of[i]][reached[i]] = true;
+      CHECK(!listed[found.queries[i]][found.boxes[i]]);
+      listed[found.queries[i]][found.boxes[i]] = true;
     }
     for (std::size_t i = 0; i < reaches.size(); ++i) {
       for (std::uint32_t box = 0; box < boxes.metric.size(); ++box) {

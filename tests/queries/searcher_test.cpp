@@ -292,6 +292,7 @@ void check_orders_of_frames(bool known) {
   objects.rows = make_rows(random, 2000, 40, {});
   const geometry::ShapeView view = objects.table.view();
   std::shared_ptr<const queries::TreeOrder> order;
+  FramePart again;  // keeps its order itself
   std::size_t sorted = 0;
   for (int frame = 0; frame < 12; ++frame) {
     CAPTURE(frame);
@@ -305,6 +306,9 @@ void check_orders_of_frames(bool known) {
     Searcher searcher;
     const Batch batch = make_batch(objects, random, 40, {}, 40);
     check(searcher, part, {view}, batch, 0, 40);
+    again.build_again(objects.rows, count_of(objects.rows), objects.table, given);
+    CHECK(again.size() == count_of(objects.rows));
+    check(searcher, again, {view}, batch, 0, 40);
     for (FrameObject& row : objects.rows) {
       const Vec3d step = random.in_cube(frame < 6 ? 0.1 : 4);
       const Vec3d& at = row.pose.position;

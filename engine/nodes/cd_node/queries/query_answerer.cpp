@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 #include "telemetry/track.hpp"
 
@@ -18,8 +17,7 @@ void QueryAnswerer::begin() {
   const Vec3d origin = owned_ == 0 ? Vec3d{} : rows_[first_owned_].pose.position;
   find_bounds();
   const queries::BoxConverter box_of(*state_.setup.space, origin);
-  part_.build(rows_.span(), owned_, {}, *state_.setup.shapes, {bounds_.span(), &box_of}, std::move(order_));
-  order_ = part_.share_order();
+  part_.build_again(rows_.span(), owned_, *state_.setup.shapes, {bounds_.span(), &box_of});
   state_.contacts.queries.hits.clear();
   next_ = 0;
   pending_ = true;

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <vector>
 
 #include "base/flat_list.hpp"
@@ -48,7 +47,6 @@ class QueryAnswerer {
   std::uint32_t first_owned_ = 0;              ///< one of them, if there are any
   std::vector<std::uint32_t> at_border_;       ///< known objects that may belong to another node
   queries::FramePart part_;                    ///< refers to rows_
-  std::shared_ptr<const queries::TreeOrder> order_;  ///< of the last index
   QueryAnswers answers_;
   std::size_t next_ = 0;  ///< query
   bool pending_ = false;
