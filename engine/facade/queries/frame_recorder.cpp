@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <array>
 
+#include "base/prefetch.hpp"
+#include "nodes/cd_node/region_objects.hpp"
+#include "queries/tree_box.hpp"
+
 namespace ringfence::facade {
 namespace {
 
