@@ -67,7 +67,7 @@ class Stream {
     if (level == 0) return list(boxes, used, group, queries, count);
     std::uint32_t reached = 0;
     for (std::size_t i = 0; i < count; ++i) {
-      float at[tree_width];
+      alignas(32) float at[tree_width];
       const std::uint32_t bits = compare_(boxes, reaches_[queries[i]], at) & used;
       masks[i] = static_cast<std::uint8_t>(bits);
       reached |= bits;
@@ -112,7 +112,7 @@ class Stream {
     std::size_t size = out_.size;
     if (out_.room - size < count * tree_width + stream_slack) return false;
     for (std::size_t i = 0; i < count; ++i) {
-      float at[tree_width];
+      alignas(32) float at[tree_width];
       const std::uint32_t bits = compare_(boxes, reaches_[queries[i]], at) & used;
       for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
         const auto first = static_cast<std::uint32_t>(group * tree_width + lane);
