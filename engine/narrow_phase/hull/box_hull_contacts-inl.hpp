@@ -60,7 +60,7 @@ class BoxHullContacts {
       Vector<D> n = load(d, pairs_.best_direction, i);
       n = scale(d, n, hn::Set(d, 1.0f) / hn::Sqrt(dot(d, n, n)));
       store(d, n, out_.normal, i);
-      store(d, negate(d, unrotate(d, pairs_.rotation_lanes(i), n)), in_hull_, i);
+      store(d, negate(d, unrotate(d, pairs_.placed.rotation_lanes(d, i), n)), in_hull_, i);
       const V parts[3] = {n.x, n.y, n.z};
       const V level = hn::Set(d, Rounding<float>::height) * hn::Load(d, pairs_.size + i);
       hn::Store(level, d, slack_ + i);
@@ -75,7 +75,7 @@ class BoxHullContacts {
       }
       hn::Store(flats, ids, flats_ + i);
       hn::Store(height, d, of_box_ + i);
-      hn::Store(dot(d, n, pairs_.offset_lanes(i)), d, along_ + i);
+      hn::Store(dot(d, n, pairs_.placed.offset_lanes(d, i)), d, along_ + i);
     }
   }
 
@@ -108,8 +108,9 @@ class BoxHullContacts {
 
   /// Computes the points of the pairs where a vertex or a corner touches, and collects those where two edges cross.
   HWY_INLINE void compute_points(std::size_t i) {
-    const Rotation<D> r = pairs_.rotation_lanes(i);
-    const Vector<D> offset = pairs_.offset_lanes(i), normal = load(d, out_.normal, i), corner = load(d, corner_, i);
+    const Rotation<D> r = pairs_.placed.rotation_lanes(d, i);
+    const Vector<D> offset = pairs_.placed.offset_lanes(d, i), normal = load(d, out_.normal, i),
+                    corner = load(d, corner_, i);
     const Vector<D> first = add(d, rotate(d, r, load(d, vertex_[0], i)), offset);
     const Vector<D> last = add(d, rotate(d, r, load(d, vertex_[1], i)), offset);
     store(d, unrotate(d, r, subtract(d, corner, offset)), corner_in_hull_, i);
@@ -176,7 +177,7 @@ class BoxHullContacts {
   }
 
   HWY_INLINE Vec3f vertex_in_box(std::size_t i, std::size_t v) const {
-    return rotate(pairs_.rotation_of(i), pairs_.hull[i]->vertex(v)) + pairs_.offset_of(i);
+    return rotate(pairs_.placed.rotation_of(i), pairs_.hull[i]->vertex(v)) + pairs_.placed.offset_of(i);
   }
   HWY_INLINE bool outside_box(std::size_t i, Vec3f p) const {
     const float most = tolerance_[i];
@@ -207,7 +208,7 @@ class BoxHullContacts {
 
   void share_point(std::uint32_t i) {
     const Vec3f point = put_common_point(i);
-    const Vec3f in_hull = rotate_inverse(pairs_.rotation_of(i), point - pairs_.offset_of(i));
+    const Vec3f in_hull = rotate_inverse(pairs_.placed.rotation_of(i), point - pairs_.placed.offset_of(i));
     const bool is_outside =
         outside_box(i, point) || outside<float>(polytope_of(*pairs_.hull[i]), in_hull, tolerance_[i]);
     doubtful_.add(i, is_outside);

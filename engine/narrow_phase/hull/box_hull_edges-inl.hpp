@@ -95,8 +95,8 @@ class BoxHullEdges {
   /// Computes the points of the boxes that exclude edges, in the axes of the hulls: the centre, the corner deepest
   /// along the best direction, and the corner farthest along the line between the centres.
   HWY_INLINE void place_points(std::size_t i) {
-    const Rotation<D> r = pairs_.rotation_lanes(i);
-    const Vector<D> offset = pairs_.offset_lanes(i), half = pairs_.half_lanes(i);
+    const Rotation<D> r = pairs_.placed.rotation_lanes(d, i);
+    const Vector<D> offset = pairs_.placed.offset_lanes(d, i), half = pairs_.half_lanes(i);
     const auto in_hull = [&](const Vector<D>& p) HWY_ATTR { return unrotate(d, r, subtract(d, p, offset)); };
     const auto corner = [&](const Vector<D>& along) HWY_ATTR {
       return Vector<D>{hn::CopySign(half.x, along.x), hn::CopySign(half.y, along.y), hn::CopySign(half.z, along.z)};
@@ -134,21 +134,9 @@ class BoxHullEdges {
   /// arc less than the lesser of these two values. So a point that is too deep for both faces excludes the edge.
   HWY_INLINE void mark_faces(std::size_t i) {
     std::uint8_t* const out = pairs_.face_bytes[i];
-    const geometry::Hull& hull = *pairs_.hull[i];
-    const V of_corner = hn::Set(d, of_corner_[i]), of_ball = hn::Set(d, of_ball_[i]);
-    const auto centre = spread_out(d, at(point_[0], i)), first = spread_out(d, at(point_[1], i)),
-               second = spread_out(d, at(point_[2], i));
-    const float *const x = hull.normal_x(), *const y = hull.normal_y(), *const z = hull.normal_z(),
-                       *const offset = hull.offset();
-    const auto mark = [&](FaceBytes& bytes, int vector, std::size_t f) HWY_ATTR {
-      const auto normal = read(d, x + f, y + f, z + f);
-      const V height = hn::Load(d, offset + f);
-      bytes.set(vector, 0, hn::Ge(height - dot_of(d, normal, centre), of_ball));
-      bytes.set(vector, 1, hn::Ge(height - dot_of(d, normal, first), of_corner));
-      bytes.set(vector, 2, hn::Ge(height - dot_of(d, normal, second), of_corner));
-    };
-    for_face_bytes(hull.face_count(), mark,
-                   [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.add_to(out + f); });
+    mark_deep_points(*pairs_.hull[i], {at(point_[0], i), at(point_[1], i), at(point_[2], i)},
+                     {of_ball_[i], of_corner_[i], of_corner_[i]},
+                     [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.add_to(out + f); });
   }
 
   /// Lists the edges of one hull that no point excludes and returns their number. `out` has room for all edges of the

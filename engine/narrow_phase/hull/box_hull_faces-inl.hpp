@@ -139,7 +139,8 @@ class BoxHullFaces {
       const Vector<D> of_hull{hn::LoadU(d, pairs_.placed.second_size(0) + i),
                               hn::LoadU(d, pairs_.placed.second_size(1) + i),
                               hn::LoadU(d, pairs_.placed.second_size(2) + i)};
-      const Vector<D> centre = add(d, rotate(d, pairs_.rotation_lanes(i), of_hull), pairs_.offset_lanes(i));
+      const Vector<D> centre =
+          add(d, rotate(d, pairs_.placed.rotation_lanes(d, i), of_hull), pairs_.placed.offset_lanes(d, i));
       const V at[3] = {centre.x, centre.y, centre.z};
       const V most = (hn::Load(d, pairs_.best + i) - hn::Load(d, ball_ + i)) +
                      hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
@@ -163,7 +164,7 @@ class BoxHullFaces {
     }
     const auto of_hull = [&](std::size_t k) HWY_ATTR {
       const Item item = items_[k];
-      const RotationMatrix<float> r = pairs_.rotation_of(item.pair);
+      const RotationMatrix<float> r = pairs_.placed.rotation_of(item.pair);
       const float* const row = r.m[item.face / 2];
       const Vec3f direction{row[0], row[1], row[2]};
       return highest(*pairs_.hull[item.pair], (item.face & 1) != 0 ? direction : -direction);
@@ -179,7 +180,7 @@ class BoxHullFaces {
   /// Chooses the face of either shape with the least overlap.
   HWY_INLINE void choose_faces(std::size_t i) {
     V best = hn::Load(d, pairs_.best + i);
-    Vector<D> direction = negate(d, rotate(d, pairs_.rotation_lanes(i), load(d, normal_, i)));
+    Vector<D> direction = negate(d, rotate(d, pairs_.placed.rotation_lanes(d, i), load(d, normal_, i)));
     V* const along[3] = {&direction.x, &direction.y, &direction.z};
     const auto consider = [&](int k, V overlap, float sign) HWY_ATTR {
       const auto less = hn::Lt(overlap, best);

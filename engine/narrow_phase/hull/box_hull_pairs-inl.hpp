@@ -42,25 +42,6 @@ struct BoxHullPairs {
   HWY_INLINE V half(int k, std::size_t i) const { return hn::LoadU(d, placed.first_size(k) + i); }
   HWY_INLINE Vector<D> half_lanes(std::size_t i) const { return {half(0, i), half(1, i), half(2, i)}; }
   HWY_INLINE V offset(int k, std::size_t i) const { return hn::LoadU(d, placed.offset(k) + i); }
-  HWY_INLINE Vector<D> offset_lanes(std::size_t i) const { return {offset(0, i), offset(1, i), offset(2, i)}; }
-  HWY_INLINE Vec3f offset_of(std::size_t i) const {
-    return {placed.offset(0)[i], placed.offset(1)[i], placed.offset(2)[i]};
-  }
-  /// From the axes of the hull to those of the box.
-  HWY_INLINE Rotation<D> rotation_lanes(std::size_t i) const {
-    Rotation<D> r;
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = hn::LoadU(d, placed.second_to_first(k, j) + i);
-    }
-    return r;
-  }
-  HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
-    RotationMatrix<float> r;
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = placed.second_to_first(k, j)[i];
-    }
-    return r;
-  }
   HWY_INLINE const geometry::ShapeRow& box(std::size_t i) const {
     return input.shapes.row(input.bodies[pair[i].first].shape);
   }

@@ -77,6 +77,26 @@ HWY_INLINE void for_face_bytes(std::size_t faces, const Set& set, const Store& s
   }
 }
 
+/// For each face of a hull sets bit k if point k is at least depth[k] below the face: the three points and depths of
+/// the other shape that exclude edges. `store` as above.
+template <class Store>
+HWY_INLINE void mark_deep_points(const geometry::Hull& hull, const Vec3f (&point)[3], const float (&depth)[3],
+                                 const Store& store) {
+  const FaceBytes::D d;
+  const auto p = spread_out(d, point[0]), q = spread_out(d, point[1]), r = spread_out(d, point[2]);
+  const auto of_p = hn::Set(d, depth[0]), of_q = hn::Set(d, depth[1]), of_r = hn::Set(d, depth[2]);
+  const float *const x = hull.normal_x(), *const y = hull.normal_y(), *const z = hull.normal_z(),
+                     *const offset = hull.offset();
+  const auto mark = [&](FaceBytes& bytes, int vector, std::size_t f) HWY_ATTR {
+    const auto normal = read(d, x + f, y + f, z + f);
+    const auto height = hn::Load(d, offset + f);
+    bytes.set(vector, 0, hn::Ge(height - dot_of(d, normal, p), of_p));
+    bytes.set(vector, 1, hn::Ge(height - dot_of(d, normal, q), of_q));
+    bytes.set(vector, 2, hn::Ge(height - dot_of(d, normal, r), of_r));
+  };
+  for_face_bytes(hull.face_count(), mark, store);
+}
+
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -53,8 +53,8 @@ class HullContacts {
       Vector<D> n = load(d, pairs_.best_direction, i);
       n = scale(d, n, hn::Set(d, 1.0f) / hn::Sqrt(dot(d, n, n)));
       store(d, n, normal_, i);
-      store(d, negate(d, unrotate(d, pairs_.rotation_lanes(i), n)), in_second_, i);
-      hn::Store(dot(d, n, pairs_.offset_lanes(i)), d, along_ + i);
+      store(d, negate(d, unrotate(d, pairs_.placed.rotation_lanes(d, i), n)), in_second_, i);
+      hn::Store(dot(d, n, pairs_.placed.offset_lanes(d, i)), d, along_ + i);
       hn::Store(hn::Set(d, Rounding<float>::height) * hn::Load(d, pairs_.size + i), d, slack_ + i);
     }
   }
@@ -79,7 +79,7 @@ class HullContacts {
 
   HWY_INLINE Vec3f vertex_of_a(std::size_t i, std::size_t v) const { return hull(0, i).vertex(v); }
   HWY_INLINE Vec3f vertex_of_b(std::size_t i, std::size_t v) const {
-    return rotate(pairs_.rotation_of(i), hull(1, i).vertex(v)) + pairs_.offset_of(i);
+    return rotate(pairs_.placed.rotation_of(i), hull(1, i).vertex(v)) + pairs_.placed.offset_of(i);
   }
   HWY_INLINE float outside_tolerance(std::size_t i) const {
     return 2e-5f * std::min(hull(0, i).bounding_radius(), hull(1, i).bounding_radius());
@@ -95,7 +95,7 @@ class HullContacts {
   }
   void touch_vertex_of_first(std::size_t i) {
     const Vec3f vertex = vertex_of_a(i, feature_[0][i].first());
-    const Vec3f in_second = rotate_inverse(pairs_.rotation_of(i), vertex - pairs_.offset_of(i));
+    const Vec3f in_second = rotate_inverse(pairs_.placed.rotation_of(i), vertex - pairs_.placed.offset_of(i));
     if (HWY_UNLIKELY(outside(polytope_of(hull(1, i)), in_second, outside_tolerance(i)))) return measure_alone(i);
     put(i, vertex - at(normal_, i) * (depth_[i] * 0.5f));
   }
@@ -104,7 +104,7 @@ class HullContacts {
     const std::size_t a[2] = {feature_[0][i].first(), feature_[0][i].last(hull(0, i).vertex_count())};
     const std::size_t b[2] = {feature_[1][i].first(), feature_[1][i].last(hull(1, i).vertex_count())};
     const Vec3f p = vertex_of_a(i, a[1]) - vertex_of_a(i, a[0]);
-    const Vec3f q = rotate(pairs_.rotation_of(i), hull(1, i).vertex(b[1]) - hull(1, i).vertex(b[0]));
+    const Vec3f q = rotate(pairs_.placed.rotation_of(i), hull(1, i).vertex(b[1]) - hull(1, i).vertex(b[0]));
     const Vec3f across = cross(p, q);
     // Nearly parallel edges: their common point has to be searched.
     if (HWY_UNLIKELY(dot(across, across) < 1e-4f * dot(p, p) * dot(q, q))) return measure_alone(i);

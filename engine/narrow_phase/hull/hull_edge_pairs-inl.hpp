@@ -99,22 +99,11 @@ class HullEdgePairs {
   HWY_INLINE void mark_faces(std::size_t side, std::size_t i, std::uint8_t* out) const {
     const geometry::Hull &own = hull(side, i), &other = hull(1 - side, i);
     const float rounding = Rounding<float>::overlap * pairs_.size[i];
-    const V of_point = hn::Set(d, pairs_.best[i] + rounding);
-    const V of_ball = hn::Set(d, std::max((pairs_.best[i] - other.inner_radius()) + rounding, 0.0f));
-    const auto centre = spread_out(d, at(pairs_.ball[side], i));
-    const auto first = spread_out(d, at(pairs_.point[0][side], i)),
-               second = spread_out(d, at(pairs_.point[1][side], i));
-    const float *const x = own.normal_x(), *const y = own.normal_y(), *const z = own.normal_z(),
-                       *const offset = own.offset();
-    const auto mark = [&](FaceBytes& bytes, int vector, std::size_t f) HWY_ATTR {
-      const auto normal = read(d, x + f, y + f, z + f);
-      const V height = hn::Load(d, offset + f);
-      bytes.set(vector, 0, hn::Ge(height - dot_of(d, normal, centre), of_ball));
-      bytes.set(vector, 1, hn::Ge(height - dot_of(d, normal, first), of_point));
-      bytes.set(vector, 2, hn::Ge(height - dot_of(d, normal, second), of_point));
-    };
-    for_face_bytes(own.face_count(), mark,
-                   [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.store(out + f); });
+    const float of_point = pairs_.best[i] + rounding;
+    const float of_ball = std::max((pairs_.best[i] - other.inner_radius()) + rounding, 0.0f);
+    mark_deep_points(own, {at(pairs_.ball[side], i), at(pairs_.point[0][side], i), at(pairs_.point[1][side], i)},
+                     {of_ball, of_point, of_point},
+                     [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.store(out + f); });
   }
 
   /// What is known of the edge pairs of a tile in which some pair is better than the best face.
@@ -164,12 +153,12 @@ class HullEdgePairs {
   }
 
   void test_tiles(std::size_t i) {
-    const RotationMatrix<float> matrix = pairs_.rotation_of(i);
+    const RotationMatrix<float> matrix = pairs_.placed.rotation_of(i);
     Rotation<D4> r;
     for (int k = 0; k < 3; ++k) {
       for (int j = 0; j < 3; ++j) r.m[k][j] = hn::Set(d4, matrix.m[k][j]);
     }
-    const Vec3f o = pairs_.offset_of(i);
+    const Vec3f o = pairs_.placed.offset_of(i);
     const Vector<D4> offset{hn::Set(d4, o.x), hn::Set(d4, o.y), hn::Set(d4, o.z)};
     Group groups[max_listed / 4];
     for (std::size_t b = 0; b < count_[1][i]; b += 4) gather_group(i, b, r, offset, groups[b / 4]);

@@ -130,10 +130,10 @@ class HullFaces {
   }
 
   HWY_INLINE Vector<D> in_first(std::size_t i, const Vector<D>& in_second) const {
-    return add(d, rotate(d, pairs_.rotation_lanes(i), in_second), pairs_.offset_lanes(i));
+    return add(d, rotate(d, pairs_.placed.rotation_lanes(d, i), in_second), pairs_.placed.offset_lanes(d, i));
   }
   HWY_INLINE Vector<D> in_second(std::size_t i, const Vector<D>& in_first) const {
-    return unrotate(d, pairs_.rotation_lanes(i), subtract(d, in_first, pairs_.offset_lanes(i)));
+    return unrotate(d, pairs_.placed.rotation_lanes(d, i), subtract(d, in_first, pairs_.placed.offset_lanes(d, i)));
   }
   /// Writes each hull's vertex in the axes of the other hull.
   HWY_INLINE void place_points(std::size_t i, std::size_t which) {
@@ -190,7 +190,7 @@ class HullFaces {
     HullPairs& p = pairs_;
     alignas(64) Column3 toward[2];
     for (std::size_t i = 0; i < p.count; i += lanes) {
-      const Rotation<D> r = p.rotation_lanes(i);
+      const Rotation<D> r = p.placed.rotation_lanes(d, i);
       store(d, negate(d, rotate(d, r, load(d, normal_[1], i))), toward[0], i);
       store(d, negate(d, unrotate(d, r, load(d, normal_[0], i))), toward[1], i);
     }
@@ -258,16 +258,17 @@ class HullFaces {
     for (std::size_t k = 0; k < count[0]; ++k) {
       const std::size_t i = items[0][k] >> 16, face = items[0][k] & 0xffff;
       const Vec3f normal = hull(0, i).normal(face);
-      const Vec3f direction = -rotate_inverse(pairs_.rotation_of(i), normal);
+      const Vec3f direction = -rotate_inverse(pairs_.placed.rotation_of(i), normal);
       consider(i, face,
-               (hull(0, i).offset()[face] + pairs_.support(1, i, direction)) - dot(normal, pairs_.offset_of(i)));
+               (hull(0, i).offset()[face] + pairs_.support(1, i, direction)) - dot(normal, pairs_.placed.offset_of(i)));
       count_face(i, 1);
     }
     for (std::size_t k = 0; k < count[1]; ++k) {
       const std::size_t i = items[1][k] >> 16, face = items[1][k] & 0xffff;
-      const Vec3f direction = -rotate(pairs_.rotation_of(i), hull(1, i).normal(face));
-      consider(i, max_faces + face,
-               (hull(1, i).offset()[face] + pairs_.support(0, i, direction)) - dot(direction, pairs_.offset_of(i)));
+      const Vec3f direction = -rotate(pairs_.placed.rotation_of(i), hull(1, i).normal(face));
+      consider(
+          i, max_faces + face,
+          (hull(1, i).offset()[face] + pairs_.support(0, i, direction)) - dot(direction, pairs_.placed.offset_of(i)));
       count_face(i, 0);
     }
     count[0] = count[1] = 0;
@@ -287,7 +288,7 @@ class HullFaces {
   Vec3f chosen_direction(std::size_t i) const {
     if (choice_[i] == no_face) return at(pairs_.best_direction, i);
     if (choice_[i] < max_faces) return hull(0, i).normal(choice_[i]);
-    return -rotate(pairs_.rotation_of(i), hull(1, i).normal(choice_[i] - max_faces));
+    return -rotate(pairs_.placed.rotation_of(i), hull(1, i).normal(choice_[i] - max_faces));
   }
   /// The same for all undecided pairs, without branches on the choice, which would be unpredictable.
   void take_directions() {
@@ -298,7 +299,8 @@ class HullFaces {
       put(hull(side, i).normal(face), normal_[0], i);
     }
     for (std::size_t i = 0; i < p.count; i += lanes) {
-      const Vector<D> normal = load(d, normal_[0], i), turned = negate(d, rotate(d, p.rotation_lanes(i), normal));
+      const Vector<D> normal = load(d, normal_[0], i),
+                      turned = negate(d, rotate(d, p.placed.rotation_lanes(d, i), normal));
       const auto choice = hn::Load(ids, choice_ + i);
       const auto of_first = hn::RebindMask(d, hn::Lt(choice, hn::Set(ids, std::uint32_t{max_faces})));
       const auto none = hn::RebindMask(d, hn::Eq(choice, hn::Set(ids, no_face)));

@@ -40,32 +40,10 @@ struct HullPairs {
     }
   }
 
-  /// From the axes of the second hull to those of the first.
-  HWY_INLINE Rotation<D> rotation_lanes(std::size_t i) const {
-    Rotation<D> r;
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = hn::LoadU(d, placed.second_to_first(k, j) + i);
-    }
-    return r;
-  }
-  HWY_INLINE Vector<D> offset_lanes(std::size_t i) const {
-    return {hn::LoadU(d, placed.offset(0) + i), hn::LoadU(d, placed.offset(1) + i), hn::LoadU(d, placed.offset(2) + i)};
-  }
-  HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
-    RotationMatrix<float> r;
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = placed.second_to_first(k, j)[i];
-    }
-    return r;
-  }
-  HWY_INLINE Vec3f offset_of(std::size_t i) const {
-    return {placed.offset(0)[i], placed.offset(1)[i], placed.offset(2)[i]};
-  }
-
   /// The overlap of a pair along a unit direction, from the first to the second.
   HWY_INLINE float overlap_along(std::size_t i, Vec3f direction) const {
-    return (support(0, i, direction) + support(1, i, -rotate_inverse(rotation_of(i), direction))) -
-           dot(direction, offset_of(i));
+    return (support(0, i, direction) + support(1, i, -rotate_inverse(placed.rotation_of(i), direction))) -
+           dot(direction, placed.offset_of(i));
   }
   HWY_INLINE float support(std::size_t side, std::size_t i, Vec3f direction) const {
     return hn::GetLane(hn::MaxOfLanes(d, highest(*hull[side][i], direction)));

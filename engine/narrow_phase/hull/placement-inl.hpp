@@ -104,6 +104,29 @@ class PlacementColumns {
   const float* first_size(int k) const { return first_size_[k]; }
   const float* second_size(int k) const { return second_size_[k]; }
 
+  // Of pairs from i on, one per lane, or of pair i: Placement::offset, and the rotation from the axes of the second
+  // shape to those of the first.
+  template <class D>
+  HWY_INLINE Vector<D> offset_lanes(D d, std::size_t i) const {
+    return {hn::LoadU(d, offset_[0] + i), hn::LoadU(d, offset_[1] + i), hn::LoadU(d, offset_[2] + i)};
+  }
+  HWY_INLINE Vec3f offset_of(std::size_t i) const { return at(offset_, i); }
+  template <class D>
+  HWY_INLINE Rotation<D> rotation_lanes(D d, std::size_t i) const {
+    Rotation<D> r;
+    for (int k = 0; k < 3; ++k) {
+      for (int j = 0; j < 3; ++j) r.m[k][j] = hn::LoadU(d, second_to_first_[k][j] + i);
+    }
+    return r;
+  }
+  HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
+    RotationMatrix<float> r;
+    for (int k = 0; k < 3; ++k) {
+      for (int j = 0; j < 3; ++j) r.m[k][j] = second_to_first_[k][j][i];
+    }
+    return r;
+  }
+
   HWY_INLINE Vec3f axis(std::size_t i) const { return at(axis_, i); }
   HWY_INLINE Vec3f axis_in_second(std::size_t i) const { return at(axis_in_second_, i); }
   /// axis · offset: the shapes are apart if the sum of their supports along the axis is less than this.

@@ -194,6 +194,20 @@ HWY_INLINE T support(const Polytope& p, Point<T> direction) {
   return hn::GetLane(hn::MaxOfLanes(d, most));
 }
 
+/// The lowest of the indices at[lane] + lane, over the lanes whose bits are set: at least one.
+template <class Int>
+HWY_INLINE std::size_t lowest_index(std::uint32_t lane_bits, const Int* at) {
+  const auto of_lane = [&](std::uint32_t bits) HWY_ATTR {
+    const auto lane = static_cast<std::size_t>(__builtin_ctz(bits));
+    return static_cast<std::size_t>(at[lane]) + lane;
+  };
+  std::size_t index = of_lane(lane_bits);
+  for (lane_bits &= lane_bits - 1; HWY_UNLIKELY(lane_bits != 0); lane_bits &= lane_bits - 1) {
+    index = std::min(index, of_lane(lane_bits));
+  }
+  return index;
+}
+
 /// Finds the index of the least value; the lowest index if there are several. Without a branch on its position, which
 /// would be unpredictable.
 template <class T>
@@ -218,14 +232,7 @@ class Least {
   HWY_INLINE std::size_t index() const {
     alignas(64) Int at[hn::MaxLanes(d)];
     hn::Store(at_, ints, at);
-    std::uint32_t equal = bits_of(d, hn::Eq(least_, hn::MinOfLanes(d, least_)));
-    const auto of_lane = [&](std::uint32_t bits) HWY_ATTR {
-      const auto lane = static_cast<std::size_t>(__builtin_ctz(bits));
-      return static_cast<std::size_t>(at[lane]) + lane;
-    };
-    std::size_t index = of_lane(equal);
-    for (equal &= equal - 1; HWY_UNLIKELY(equal != 0); equal &= equal - 1) index = std::min(index, of_lane(equal));
-    return index;
+    return lowest_index(bits_of(d, hn::Eq(least_, hn::MinOfLanes(d, least_))), at);
   }
 
  private:
@@ -246,14 +253,7 @@ struct LeastLanes {
 
   /// The lowest index of this value, which is the least.
   HWY_INLINE std::size_t index_of(float value) const {
-    std::uint32_t equal = bits_of(d, hn::Eq(hn::Load(d, least), hn::Set(d, value)));
-    const auto of_lane = [&](std::uint32_t bits) HWY_ATTR {
-      const auto lane = static_cast<std::size_t>(__builtin_ctz(bits));
-      return static_cast<std::size_t>(at[lane]) + lane;
-    };
-    std::size_t index = of_lane(equal);
-    for (equal &= equal - 1; HWY_UNLIKELY(equal != 0); equal &= equal - 1) index = std::min(index, of_lane(equal));
-    return index;
+    return lowest_index(bits_of(d, hn::Eq(hn::Load(d, least), hn::Set(d, value))), at);
   }
 };
 
