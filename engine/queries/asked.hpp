@@ -52,14 +52,10 @@ inline Reach reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
   return tree.reach(asked.path.start - ball, asked.path.start + ball, asked.path.displacement);
 }
 
-/// Of a search near a point.
+/// The boxes that the ball around the shape touches at its start: of a search near a point.
 inline Reach near_reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
   Reach reach = tree.reach(asked.path.start, asked.path.start, {});
   reach.limit = std::nextafter(static_cast<float>(radius_of(asked.shape)), std::numeric_limits<float>::infinity());
   return reach;
 }
-inline Reach near_reach_of(const BoxTree& tree, const AskedRay& asked) noexcept {
-  return tree.reach(asked.ray.start, asked.ray.start, {});
-}
-
 }  // namespace ringfence::queries

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <new>
 #include <span>
+#include <type_traits>
 
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
@@ -34,7 +35,7 @@ class BlockSearch {
   enum class Wanted {
     first,  ///< those that the query reaches, the nearest first, until the answer is known
     all,    ///< all that the query reaches
-    near,   ///< all that the ball around the query's shape touches at its start
+    near,   ///< of shapes: all that the ball around the shape touches at its start
   };
   template <class Asked, class Test>
   void search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
@@ -101,7 +102,6 @@ double test_object(const FramePart& part, const FrameMoment& moment, std::uint32
   }
 }
 
-/// `test(object, pose, limit)` returns the limit from now on.
 template <class Test>
 void BlockSearch::search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
                              const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const {
@@ -119,8 +119,7 @@ void BlockSearch::search_one(const FramePart& part, const FrameMoment& moment, c
   work.boxes += (by_distance ? kernels_.near : kernels_.reach)(part.tree(), reach, limit, visit, &context);
 }
 
-/// One after another. `test(query, object, pose, limit)` returns the limit from now on; `first` is the number of the
-/// first query.
+/// One after another. `first` is the number of the first query.
 template <class Asked, class Test>
 void BlockSearch::search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
                               std::size_t first, QueryWork& work, const Test& test) const {
@@ -145,9 +144,13 @@ void BlockSearch::search_together(const FramePart& part, const FrameMoment& mome
     return;
   }
   const bool near = wanted == Wanted::near;
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    reached_.reach(i) = near ? near_reach_of(part.tree(), asked[i]) : reach_of(part.tree(), asked[i]);
-  }
+  const auto reach_of_query = [&](const Asked& query) {
+    if constexpr (std::is_same_v<Asked, AskedShape>) {
+      if (near) return near_reach_of(part.tree(), query);
+    }
+    return reach_of(part.tree(), query);
+  };
+  for (std::size_t i = 0; i < asked.size(); ++i) reached_.reach(i) = reach_of_query(asked[i]);
   if (reached_.find(near ? kernels_.near_all : kernels_.reach_all, part.tree(), asked.size(), work.boxes)) {
     test_all(part, moment, asked, first, work, test);
     return;

@@ -40,11 +40,11 @@ std::size_t groups_of(std::size_t nodes) noexcept { return (nodes + tree_width -
 
 }  // namespace
 
-bool BoxTree::build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of) {
+bool BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   origin_ = box_of.origin();
   levels_.clear();
   std::size_t groups = 0;
-  size_ = order.empty() ? rows.size() : order.size();
+  size_ = leaves.size;
   for (std::size_t nodes = size_; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
     levels_.push_back(groups);
     groups += groups_of(nodes);
@@ -54,7 +54,7 @@ bool BoxTree::build(std::span<const RowBounds> rows, std::span<const std::uint32
   cost_ = 0;
   if (size_ == 0) return true;
   groups_[(size_ - 1) / tree_width] = empty_group();
-  if (!choose_tree_kernels().fill_leaves(rows, order, box_of, groups_.data())) {
+  if (!choose_tree_kernels().fill_leaves(leaves, box_of, groups_.data())) {
     size_ = 0;
     return false;
   }

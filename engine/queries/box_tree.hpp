@@ -43,9 +43,15 @@ struct Reach {
 /// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
 class BoxTree {
  public:
-  /// Replaces the contents by the boxes of the rows `order[i]`, or of all rows if `order` is empty. False, and the tree
-  /// is empty, if one of them has no object.
-  bool build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of);
+  /// Replaces the contents by the boxes of the rows `order[i]`. False, and the tree is empty, if one of them has no
+  /// object.
+  bool build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of) {
+    return build(RowOrder{rows, order.data(), order.size()}, box_of);
+  }
+  /// The same with the boxes of all rows, in their order.
+  bool build(std::span<const RowBounds> rows, const BoxConverter& box_of) {
+    return build(RowOrder{rows, nullptr, rows.size()}, box_of);
+  }
 
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
@@ -68,6 +74,7 @@ class BoxTree {
   std::size_t level_size(std::size_t level) const noexcept {
     return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
+  bool build(const RowOrder& leaves, const BoxConverter& box_of);
   void fill_level(std::size_t level, std::size_t nodes);
   double surface_of(std::size_t level) const noexcept;
 

@@ -61,18 +61,15 @@ inline bool is_within(const BoundsGroup& group, std::uint32_t first, std::uint32
   return least >= first && most <= last;
 }
 
-inline bool fill_leaves(std::span<const RowBounds> rows, std::span<const std::uint32_t> order,
-                        const BoxConverter& box_of, BoxGroup* groups) {
+inline bool fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, BoxGroup* groups) {
   constexpr std::size_t ahead = 32;
-  const std::size_t size = order.empty() ? rows.size() : order.size();
-  const auto row_at = [&](std::size_t i) -> const RowBounds& { return rows[order.empty() ? i : order[i]]; };
   BoundsGroup loaded;
-  for (std::size_t first = 0; first < size; first += tree_width) {
-    const std::size_t count = std::min(tree_width, size - first);
+  for (std::size_t first = 0; first < leaves.size; first += tree_width) {
+    const std::size_t count = std::min(tree_width, leaves.size - first);
     float least_margin = 0;
     for (std::size_t i = 0; i < tree_width; ++i) {
-      base::prefetch_for_read(&row_at(std::min(first + i + ahead, size - 1)));
-      const RowBounds& row = row_at(first + std::min(i, count - 1));
+      base::prefetch_for_read(&leaves[std::min(first + i + ahead, leaves.size - 1)]);
+      const RowBounds& row = leaves[first + std::min(i, count - 1)];
       for (std::size_t a = 0; a < 3; ++a) {
         loaded.lower[a][i] = row.bounds.lower[a];
         loaded.upper[a][i] = row.bounds.upper[a];
@@ -90,7 +87,7 @@ inline bool fill_leaves(std::span<const RowBounds> rows, std::span<const std::ui
       continue;
     }
     for (std::size_t i = 0; i < count; ++i) {
-      const TreeBox box = box_of(row_at(first + i));
+      const TreeBox box = box_of(leaves[first + i]);
       for (std::size_t a = 0; a < 3; ++a) group.lower[a][i] = box.lower[a], group.upper[a][i] = box.upper[a];
     }
   }

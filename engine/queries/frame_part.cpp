@@ -105,7 +105,7 @@ void FramePart::find_bounds(const geometry::ShapeTable& shapes) {
   } else {
     find_ways(shapes, space, bounds.data());
   }
-  tree_.build(bounds.span(), {}, BoxConverter(space, origin));
+  tree_.build(bounds.span(), BoxConverter(space, origin));
 }
 
 void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {

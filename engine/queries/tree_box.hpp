@@ -24,6 +24,15 @@ struct RowBounds {
   float margin;
 };
 
+/// Some rows in an order.
+struct RowOrder {
+  std::span<const RowBounds> rows;
+  const std::uint32_t* numbers;  ///< of rows, `size` of them; null: all rows, in their order
+  std::size_t size;
+
+  const RowBounds& operator[](std::size_t i) const noexcept { return rows[numbers == nullptr ? i : numbers[i]]; }
+};
+
 /// The exact tests allow shapes to be this far apart, relative to their size. Boxes are widened by it, so that the
 /// index cannot leave out what a test would find. Support functions return floats, for which the search ends early.
 constexpr float tolerance_of(ShapeKind kind) noexcept { return kind == ShapeKind::support ? 0x1p-12f : 0x1p-16f; }
