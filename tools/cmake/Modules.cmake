@@ -7,6 +7,11 @@ target_compile_options(ringfence_options INTERFACE
   $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
   # Results must have the same bits on every machine: no contraction to fused multiply-adds.
   -ffp-contract=off)
+# The instruction sets that kernels are compiled for must be the same in every file, because functions of Highway that a
+# compiler does not inline number them. No SSSE3: a machine without SSE4 uses the plain C++ target, and there is one
+# target less to build. AVX3_DL: processors from Ice Lake on look up 64 bytes in one instruction, which the search for
+# the edges of a hull uses.
+target_compile_definitions(ringfence_options INTERFACE HWY_DISABLED_TARGETS=HWY_SSSE3 HWY_WANT_AVX3_DL)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND RINGFENCE_SANITIZE MATCHES "thread")
   # GCC warns that its thread sanitizer does not support fences. tests/link checks the rings exhaustively.
   target_compile_options(ringfence_options INTERFACE -Wno-error=tsan)
@@ -14,6 +19,10 @@ endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   # GCC 12 falsely warns of overlapping copies in the string concatenation of its standard library (bug 105651).
   target_compile_options(ringfence_options INTERFACE -Wno-restrict)
+endif()
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND RINGFENCE_SANITIZE MATCHES "address")
+  # With its address sanitizer GCC falsely warns of uninitialised values in <regex> of its standard library (bug 105562).
+  target_compile_options(ringfence_options INTERFACE -Wno-maybe-uninitialized)
 endif()
 if(RINGFENCE_SANITIZE)
   target_compile_options(ringfence_options INTERFACE -fsanitize=${RINGFENCE_SANITIZE} -fno-omit-frame-pointer)
