@@ -6,6 +6,7 @@
 
 #include "base/prefetch.hpp"
 #include "geometry/vector.hpp"
+#include "queries/median_splits.hpp"
 
 namespace ringfence::queries {
 namespace {
@@ -82,9 +83,10 @@ void FramePart::sort() {
   scratch().splits.sort(rows_, own_->rows);
 }
 
-// Sorting takes as long as some searches that visit a fifth more boxes.
+// Sorting takes twice as long as an index. Where objects move at 10 m/s in a world of 160 m, an order lasts for eleven
+// frames with this bound, and searches visit a quarter more boxes on average than just after sorting.
 bool FramePart::is_good() const noexcept {
-  constexpr double most = 1.2;
+  constexpr double most = 1.5;
   return tree_.cost() <= most * order_->cost;
 }
 

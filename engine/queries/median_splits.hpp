@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "queries/frame_object.hpp"
+
+namespace ringfence::queries {
+
+/// Finds an order of rows in which neighbours in space are near each other, for a BoxTree: the objects are divided at
+/// the median along the longest side of the box around their positions, and each half again, down to the leaves of the
+/// tree, so that each node of the tree has the objects of a box. (A k-d tree; Bentley 1975.) Objects whose places along
+/// an axis differ by less than 1 of 2^18 count as equal.
+///
+/// Threads: belongs to one. Memory: grows to the largest call. May throw std::bad_alloc.
+class MedianSplits {
+ public:
+  /// Sorts `rows`, each of which has an object.
+  void sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows);
+
+ private:
+  /// A place in metres from the first object and the bits of the row's number: four floats, which are one vector.
+  struct alignas(16) Point {
+    float at[4];
+  };
+  struct Range;
+
+  static Range range_of(std::span<const Point> points);
+  void split(std::span<Point> points, Point* room, std::size_t each, std::uint32_t* rows);
+  static void divide_few(std::span<const Point> points, std::size_t count, std::size_t axis, Point* out);
+  void divide_many(std::span<const Point> points, std::size_t count, std::size_t axis, const Range& range, Point* out);
+
+  std::vector<Point> points_, moved_, middle_;
+};
+
+}  // namespace ringfence::queries
