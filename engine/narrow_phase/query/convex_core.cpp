@@ -3,24 +3,10 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstddef>
+
+#include "narrow_phase/query/hull_features.hpp"
 
 namespace ringfence::narrow_phase {
-namespace {
-
-Vec3d farthest_vertex(const geometry::Hull& hull, Vec3d direction) noexcept {
-  const float *x = hull.x(), *y = hull.y(), *z = hull.z();
-  std::size_t best = 0;
-  double most = -HUGE_VAL;
-  for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
-    const double value = dot(direction, Vec3d{double{x[i]}, double{y[i]}, double{z[i]}});
-    if (value > most) most = value, best = i;
-  }
-  return to_double(hull.vertex(best));
-}
-
-}  // namespace
-
 ConvexCore::ConvexCore(const geometry::ShapeView& shapes, ShapeNumber shape, const Placement& placement)
     : kind_(Kind::box), placement_(placement) {
   const geometry::ShapeRow& row = shapes.row(shape);
@@ -71,7 +57,7 @@ Vec3d ConvexCore::local_support(Vec3d d) const {
     case Kind::box:
       return {std::copysign(points_[0].x, d.x), std::copysign(points_[0].y, d.y), std::copysign(points_[0].z, d.z)};
     case Kind::hull:
-      return farthest_vertex(*hull_, d);
+      return to_double(hull_->vertex(farthest_vertex(*hull_, d)));
     case Kind::triangle: {
       const double p = dot(d, points_[0]), q = dot(d, points_[1]), r = dot(d, points_[2]);
       return p >= q && p >= r ? points_[0] : q >= r ? points_[1] : points_[2];

@@ -37,6 +37,16 @@ class ConvexCore {
   double radius() const noexcept { return radius_; }  ///< metres
   /// Radius of a ball around the shape's origin that contains the core: rounding errors are relative to it.
   double reach() const noexcept { return reach_; }
+  bool is_point() const noexcept { return kind_ == Kind::box && points_[0] == Vec3d{}; }
+  /// The hull that the core is, or null.
+  const geometry::Hull* hull() const noexcept { return hull_; }
+  Vec3d to_own_axes(const Vec3d& point) const noexcept {
+    return geometry::rotate_inverse(placement_.rotation, point - placement_.position);
+  }
+  Vec3d to_frame(const Vec3d& own_point) const noexcept { return placement_(own_point); }
+  Vec3d turn_to_frame(const Vec3d& own_direction) const noexcept {
+    return geometry::rotate(placement_.rotation, own_direction);
+  }
   /// Whether support() is exact to double: false for support functions, which return floats.
   bool is_exact() const noexcept { return function_ == nullptr; }
 

@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "narrow_phase/query/double_double.hpp"
+#include "narrow_phase/query/hull_point_distance.hpp"
 #include "narrow_phase/query/simplex.hpp"
 
 namespace ringfence::narrow_phase {
@@ -22,8 +23,7 @@ class Search {
   template <class Start>
   Search(const ConvexCore& a, const ConvexCore& b, double limit, const Start& start)
       : a_(a), b_(b), simplex_(start), radii_(a.radius() + b.radius()), limit_(limit + radii_) {
-    const double part = a.is_exact() && b.is_exact() ? 0x1p-45 : 0x1p-21;
-    tolerance_ = part * (a.reach() + b.reach());
+    tolerance_ = distance_tolerance(a.reach() + b.reach(), a.is_exact() && b.is_exact());
   }
 
   /// Returns false if rounding ends the search before the distance is proven.
@@ -37,6 +37,7 @@ class Search {
       if (simplex_.size() == 4) break;  // the origin is inside, but not to the tolerance: its weights are not precise
       const SimplexVertex<T> next(a_.support(-away), b_.support(away));
       const double lower = dot(away, next.on_a - next.on_b);
+      result_.along = lower;
       result_.lower = std::max(result_.lower, lower);
       if (lower > limit_) return finish(CoreDistance::Kind::beyond, -away);
       const bool is_proven = result_.upper - lower <= tolerance_ + 0x1p-49 * result_.upper;
@@ -45,7 +46,9 @@ class Search {
         return is_proven;
       }
     }
-    finish(CoreDistance::Kind::apart, -simplex_.direction());
+    const Vec3d away = simplex_.direction();
+    result_.along = dot(away, a_.support(-away) - b_.support(away));
+    finish(CoreDistance::Kind::apart, -away);
     return false;
   }
 
@@ -79,6 +82,10 @@ SimplexVertex<double> first_vertex(const ConvexCore& a, const ConvexCore& b) {
 }  // namespace
 
 CoreDistance core_distance(const ConvexCore& a, const ConvexCore& b, double limit) {
+  CoreDistance found;
+  if (a.hull() != nullptr && b.is_point() && hull_point_distance(a, b.inner_point(), b.radius(), limit, found)) {
+    return found;
+  }
   Search<double> search(a, b, limit, first_vertex(a, b));
   if (search.run() || !a.is_exact() || !b.is_exact()) return search.result();
   Search<DoubleDouble> precise(a, b, limit, search.simplex());

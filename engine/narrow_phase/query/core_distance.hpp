@@ -15,6 +15,7 @@ struct CoreDistance {
   Kind kind = Kind::apart;
   double upper = 0;  ///< metres between `on_a` and `on_b`
   double lower = 0;  ///< metres: proven by a plane between the cores; at most `upper`
+  double along = 0;  ///< metres between the cores along `normal`, by their farthest points; about `lower`
   Vec3d on_a, on_b;  ///< a point of each core, without the radius: the closest ones, unless the cores overlap
   Vec3d normal;      ///< unit, from a to b, along the shortest connection; zero if the cores overlap
 };
@@ -30,8 +31,12 @@ struct CoreDistance {
 ///
 /// Method: Gilbert, Johnson and Keerthi (1988). Where rounding keeps double from a proof, which happens at small
 /// distances, the search continues from there in twice the precision. Threads: any. No allocation. Throws
-/// geometry::SupportFailure if a support function fails. Cost: about 0.5 µs for boxes and capsules, 2 µs for hulls of
-/// 32 vertices.
+/// geometry::SupportFailure if a support function fails. For a point and a hull hull_point_distance() comes first.
 CoreDistance core_distance(const ConvexCore& a, const ConvexCore& b, double limit);
+
+/// How far apart `upper` and `lower` may be, but for 2^-49 of the distance. `reaches`: those of both cores, added.
+inline double distance_tolerance(double reaches, bool is_exact) noexcept {
+  return (is_exact ? 0x1p-45 : 0x1p-21) * reaches;
+}
 
 }  // namespace ringfence::narrow_phase

@@ -24,6 +24,12 @@ geometry::RotationD relative_rotation(const geometry::RotationD& frame, Quat q) 
   return out;
 }
 
+/// The query's shape on the axes of a shape.
+MovingCore core_on_axes(const geometry::RotationD& frame, const QueryShape& query) noexcept {
+  const bool is_ball = query.shapes.row(query.shape).kind == ShapeKind::sphere;
+  return {query.shapes, query.shape, is_ball ? Placement{}.rotation : relative_rotation(frame, query.orientation)};
+}
+
 /// One of the two is a support function.
 bool overlaps_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const MovingCore& query,
                      const Vec3d& position) {
@@ -43,7 +49,7 @@ bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
     return ShapePair(shapes, shape, query.shapes, query.shape).contact(pose, {position, query.orientation}).has_value();
   }
   const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
-  const MovingCore core(query.shapes, query.shape, relative_rotation(rotation, query.orientation));
+  const MovingCore core = core_on_axes(rotation, query);
   const Vec3d local = geometry::rotate_inverse(rotation, position - pose.position);
   const double sizes = (double{row.bounding_radius} + core.size()) * (1 + 0x1p-20);
   if (dot(local, local) > sizes * sizes) return false;
@@ -62,7 +68,7 @@ bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pos
   }
   const geometry::ShapeRow& row = shapes.row(shape);
   const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
-  const MovingCore core(moving.shapes, moving.shape, relative_rotation(rotation, moving.orientation));
+  const MovingCore core = core_on_axes(rotation, moving);
   const double sizes = double{row.bounding_radius} + core.size();
   const LocalRay local(path, pose.position, rotation, sizes);
   if (dot(local.foot, local.foot) > sizes * sizes * (1 + 0x1p-20) + local.slack * local.slack) return false;

@@ -2,15 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <limits>
 
 #include "geometry/hull.hpp"
 #include "narrow_phase/query/convex_core.hpp"
 #include "narrow_phase/query/core_distance.hpp"
+#include "narrow_phase/query/hull_features.hpp"
+#include "narrow_phase/query/hull_point_distance.hpp"
 
 namespace ringfence::narrow_phase {
 namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double squared(const Vec3d& p) noexcept { return dot(p, p); }
 
@@ -18,24 +21,7 @@ double squared(const Vec3d& p) noexcept { return dot(p, p); }
 CoreDistance distance_of_point(const ConvexCore& core, const Vec3d& point) {
   Placement placement;
   placement.position = point;
-  return core_distance(core, ConvexCore::box({}, placement), std::numeric_limits<double>::infinity());
-}
-
-double farthest_plane(const geometry::Hull& hull, const Vec3d& point) noexcept {
-  const float *x = hull.normal_x(), *y = hull.normal_y(), *z = hull.normal_z(), *offset = hull.offset();
-  double most = -std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < hull.face_count(); ++i) {
-    most = std::max(most, dot(Vec3d{double{x[i]}, double{y[i]}, double{z[i]}}, point) - double{offset[i]});
-  }
-  return most;
-}
-
-Vec3d nearest_on_segment(const Vec3d& point, const Vec3d& a, const Vec3d& b) noexcept {
-  const Vec3d along = b - a;
-  const double length_squared = squared(along);
-  if (!(length_squared > 0)) return a;
-  const double part = dot(point - a, along) / length_squared;
-  return part <= 0 ? a : part >= 1 ? b : a + along * part;
+  return core_distance(core, ConvexCore::box({}, placement), infinity);
 }
 
 }  // namespace
@@ -86,11 +72,22 @@ Vec3d nearest_in_convex(const geometry::ShapeView& shapes, ShapeNumber shape, co
       return away <= size[0] ? p : centre + outwards * (size[0] / away);
     }
     default: {
+      const ConvexCore core(shapes, shape, {});
+      CoreDistance found;
+      if (core.hull() != nullptr && hull_point_distance(core, p, 0, infinity, found)) return found.on_a;
       if (contains(shapes, shape, p)) return p;
-      const CoreDistance found = distance_of_point(ConvexCore(shapes, shape, {}), p);
+      found = distance_of_point(core, p);
       return found.kind == CoreDistance::Kind::touch ? p : found.on_a;
     }
   }
+}
+
+Vec3d nearest_on_segment(const Vec3d& point, const Vec3d& a, const Vec3d& b) noexcept {
+  const Vec3d along = b - a;
+  const double length_squared = squared(along);
+  if (!(length_squared > 0)) return a;
+  const double part = dot(point - a, along) / length_squared;
+  return part <= 0 ? a : part >= 1 ? b : a + along * part;
 }
 
 Vec3d nearest_in_triangle(const Vec3d& p, const Vec3d& a, const Vec3d& b, const Vec3d& c) noexcept {

@@ -20,6 +20,9 @@ bool hull_contains(const geometry::ShapeView& shapes, ShapeNumber shape, const V
 /// shape contains it. Closed form for the first three; core_distance() for the others. Throws geometry::SupportFailure.
 Vec3d nearest_in_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& point);
 
+/// The point of a segment that is nearest to `point`.
+Vec3d nearest_on_segment(const Vec3d& point, const Vec3d& a, const Vec3d& b) noexcept;
+
 /// The point of a triangle that is nearest to `point`.
 Vec3d nearest_in_triangle(const Vec3d& point, const Vec3d& a, const Vec3d& b, const Vec3d& c) noexcept;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "geometry/vector.hpp"
 #include "narrow_phase/query/nearest/convex_nearest.hpp"
@@ -42,11 +43,14 @@ SweepContact ball_at_rounded_segment(const LocalRay& path, double fixed, double 
   return out;
 }
 
-/// Whether a moving shape within a ball of this size stays in front of a plane of the hull, so that it misses the hull.
-/// That is found in a small part of the time of a distance. A contact is reported up to 4 * tolerance apart.
-bool misses_planes(const geometry::Hull& hull, double size, const LocalRay& path, double end, double tolerance) {
+/// The first place from `begin` on where a moving shape within a ball of this size can touch a hull, because it is
+/// behind the planes of all faces; infinity if it stays in front of one. That is found in a small part of the time of a
+/// distance. A contact is reported up to 4 * tolerance apart.
+double first_place_behind_planes(const geometry::Hull& hull, double size, const LocalRay& path, double begin,
+                                 double tolerance) {
   const PlaneClip clip = clip_by_planes(hull, path, size * (1 + 0x1p-20) + 16 * tolerance);
-  return clip.enter > clip.leave || clip.enter > end || clip.leave < path.begin - path.slack;
+  if (clip.enter > clip.leave || clip.leave < path.begin - path.slack) return std::numeric_limits<double>::infinity();
+  return std::max(begin, clip.enter);
 }
 
 SweepContact ball_at_box(const LocalRay& path, const Vec3d& half_extents, double radius, double begin, double end,
@@ -68,7 +72,8 @@ SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shap
   if (moving.is_sphere() && (row.kind == ShapeKind::sphere || row.kind == ShapeKind::capsule)) {
     return ball_at_rounded_segment(path, size[0], row.kind == ShapeKind::capsule ? size[1] : 0.0, moving.radius());
   }
-  const double begin = first_place(path, sizes * (1 + 0x1p-20)), end = std::min(most, path.end + path.slack);
+  double begin = first_place(path, sizes * (1 + 0x1p-20));
+  const double end = std::min(most, path.end + path.slack);
   if (begin > end) return none();
   if (moving.is_sphere() && row.kind == ShapeKind::box) {
     const double radius = moving.radius();
@@ -77,9 +82,9 @@ SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shap
   const ConvexCore fixed(shapes, shape, {});
   const bool is_exact = fixed.is_exact() && moving.is_exact();
   const double tolerance = sweep_tolerance(own, moving.size(), is_exact);
-  if (row.kind == ShapeKind::hull &&
-      misses_planes(shapes.hull(row.index_in_kind), moving.size(), path, end, tolerance)) {
-    return none();
+  if (row.kind == ShapeKind::hull) {
+    begin = first_place_behind_planes(shapes.hull(row.index_in_kind), moving.size(), path, begin, tolerance);
+    if (begin > end) return none();
   }
   const auto gap = [&](double place) {
     return gap_between(fixed, moving.at(path.at(place)), end - place + 4 * tolerance);

@@ -20,8 +20,7 @@ Gap gap_between(const ConvexCore& fixed, const ConvexCore& moving, double limit)
   if (out.touch || out.beyond) return out;
   // Along the normal itself: the distance may be proven by another plane.
   out.normal = found.normal;
-  out.width =
-      dot(out.normal, moving.support(-out.normal) - fixed.support(out.normal)) - fixed.radius() - moving.radius();
+  out.width = found.along - fixed.radius() - moving.radius();
   out.on_fixed = found.on_a + out.normal * fixed.radius();
   return out;
 }

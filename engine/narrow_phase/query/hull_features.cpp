@@ -1,0 +1,152 @@
+#include "narrow_phase/query/hull_features.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "narrow_phase/query/hull_features.cpp"
+#include <hwy/foreach_target.h>
+// This must follow foreach_target.h, which includes this file once for each target.
+#include <cstddef>
+
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// A column is padded to 16 values, copies of the first, so that no vector passes its end.
+using Floats = hn::CappedTag<float, 16>;
+using Doubles = hn::CappedTag<double, 8>;
+
+template <class D>
+struct Triple {
+  hn::Vec<D> x, y, z;
+
+  template <class P>
+  static HWY_INLINE Triple all(const P& p) {
+    const D d;
+    using T = hn::TFromD<D>;
+    return {hn::Set(d, static_cast<T>(p.x)), hn::Set(d, static_cast<T>(p.y)), hn::Set(d, static_cast<T>(p.z))};
+  }
+};
+// In the order of dot() in geometry/vector.hpp.
+template <class D>
+HWY_INLINE hn::Vec<D> dot(const Triple<D>& p, const Triple<D>& q) {
+  return hn::Add(hn::Add(hn::Mul(p.x, q.x), hn::Mul(p.y, q.y)), hn::Mul(p.z, q.z));
+}
+HWY_INLINE Triple<Floats> load(const float* x, const float* y, const float* z) {
+  const Floats d;
+  return {hn::Load(d, x), hn::Load(d, y), hn::Load(d, z)};
+}
+HWY_INLINE Triple<Doubles> load_doubles(const float* x, const float* y, const float* z) {
+  const Doubles d;
+  const hn::Rebind<float, Doubles> floats;
+  return {hn::PromoteTo(d, hn::LoadU(floats, x)), hn::PromoteTo(d, hn::LoadU(floats, y)),
+          hn::PromoteTo(d, hn::LoadU(floats, z))};
+}
+
+// The largest of the values of features, and the lowest feature that has it.
+template <class D>
+struct Largest {
+  hn::TFromD<D> value;
+  std::uint32_t feature;
+};
+// `value_at(i)`: of the features from `i` on, one a lane.
+template <class D, class ValueAt>
+HWY_INLINE Largest<D> find_largest(std::size_t count, const ValueAt& value_at) {
+  const D d;
+  constexpr std::size_t most_lanes = 16;
+  using T = hn::TFromD<D>;
+  auto most = value_at(0), number = hn::Iota(d, 0), best = number;
+  const auto step = hn::Set(d, static_cast<T>(hn::Lanes(d)));
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) {
+    number = hn::Add(number, step);
+    const auto value = value_at(i);
+    best = hn::IfThenElse(hn::Gt(value, most), number, best);
+    most = hn::Max(value, most);
+  }
+  alignas(64) T values[most_lanes], numbers[most_lanes];
+  hn::Store(most, d, values);
+  hn::Store(best, d, numbers);
+  std::size_t lane = 0;
+  for (std::size_t i = 1; i < hn::Lanes(d); ++i) {
+    const bool is_better = values[i] > values[lane] || (values[i] == values[lane] && numbers[i] < numbers[lane]);
+    lane = is_better ? i : lane;
+  }
+  return {values[lane], static_cast<std::uint32_t>(numbers[lane])};
+}
+
+std::uint32_t farthest_vertex_of(const geometry::Hull& hull, const Vec3d& direction) {
+  const auto along = Triple<Doubles>::all(direction);
+  return find_largest<Doubles>(
+             hull.vertex_count(),
+             [&](std::size_t i) HWY_ATTR { return dot(along, load_doubles(hull.x() + i, hull.y() + i, hull.z() + i)); })
+      .feature;
+}
+
+double farthest_plane_of(const geometry::Hull& hull, const Vec3d& point) {
+  const auto at = Triple<Doubles>::all(point);
+  const hn::Rebind<float, Doubles> floats;
+  return find_largest<Doubles>(
+             hull.face_count(),
+             [&](std::size_t i) HWY_ATTR {
+               const auto normal = load_doubles(hull.normal_x() + i, hull.normal_y() + i, hull.normal_z() + i);
+               return hn::Sub(dot(normal, at), hn::PromoteTo(Doubles(), hn::LoadU(floats, hull.offset() + i)));
+             })
+      .value;
+}
+
+HighestFace highest_face_of(const geometry::Hull& hull, const Vec3f& point) {
+  const auto at = Triple<Floats>::all(point);
+  const auto found = find_largest<Floats>(hull.face_count(), [&](std::size_t i) HWY_ATTR {
+    const auto normal = load(hull.normal_x() + i, hull.normal_y() + i, hull.normal_z() + i);
+    return hn::Sub(dot(normal, at), hn::Load(Floats(), hull.offset() + i));
+  });
+  return {found.feature, found.value};
+}
+
+std::uint32_t nearest_edge_of(const geometry::Hull& hull, const Vec3f& point) {
+  const Floats d;
+  const auto column = [&](geometry::EdgeColumn of, std::size_t i) { return hull.edge_column(of) + i; };
+  return find_largest<Floats>(
+             hull.edge_count(),
+             [&](std::size_t i) HWY_ATTR {
+               using geometry::EdgeColumn;
+               const auto along =
+                   load(column(EdgeColumn::along_x, i), column(EdgeColumn::along_y, i), column(EdgeColumn::along_z, i));
+               const Triple<Floats> away{hn::Sub(hn::Set(d, point.x), hn::Load(d, column(EdgeColumn::from_x, i))),
+                                         hn::Sub(hn::Set(d, point.y), hn::Load(d, column(EdgeColumn::from_y, i))),
+                                         hn::Sub(hn::Set(d, point.z), hn::Load(d, column(EdgeColumn::from_z, i)))};
+               const auto length = hn::Load(d, column(EdgeColumn::length, i));
+               const auto part = hn::Min(hn::Max(dot(away, along), hn::Zero(d)), length);
+               const Triple<Floats> left{hn::Sub(away.x, hn::Mul(along.x, part)),
+                                         hn::Sub(away.y, hn::Mul(along.y, part)),
+                                         hn::Sub(away.z, hn::Mul(along.z, part))};
+               return hn::Neg(dot(left, left));
+             })
+      .feature;
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ringfence::narrow_phase {
+HWY_EXPORT(farthest_vertex_of);
+HWY_EXPORT(farthest_plane_of);
+HWY_EXPORT(highest_face_of);
+HWY_EXPORT(nearest_edge_of);
+
+std::uint32_t farthest_vertex(const geometry::Hull& hull, const Vec3d& direction) noexcept {
+  return HWY_DYNAMIC_DISPATCH(farthest_vertex_of)(hull, direction);
+}
+double farthest_plane(const geometry::Hull& hull, const Vec3d& point) noexcept {
+  return HWY_DYNAMIC_DISPATCH(farthest_plane_of)(hull, point);
+}
+HighestFace highest_face(const geometry::Hull& hull, const Vec3f& point) noexcept {
+  return HWY_DYNAMIC_DISPATCH(highest_face_of)(hull, point);
+}
+std::uint32_t nearest_edge(const geometry::Hull& hull, const Vec3f& point) noexcept {
+  return HWY_DYNAMIC_DISPATCH(nearest_edge_of)(hull, point);
+}
+}  // namespace ringfence::narrow_phase
+#endif
