@@ -102,7 +102,7 @@ endif()
 # ringfence_test(NAME MODULES module... SOURCES file... [LINK target...] [LABELS label...])
 # Defines the doctest program test_NAME, one per folder of tests/, and a ctest test NAME that runs it.
 # The target tests_LABEL builds all programs with that label. tools/test runs those with the label `concurrent` also under
-# the sanitizers.
+# the sanitizers, and those with the label `vectors` under that of addresses and undefined behaviour.
 function(ringfence_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK;LABELS" ${ARGN})
   add_executable(test_${name} ${ARG_SOURCES})
