@@ -58,11 +58,8 @@ class BoxTree {
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
   const BoxGroup* level(std::size_t level) const noexcept { return groups_.data() + levels_[level]; }
 
-  /// The lanes of a group that have a node or box, as bits.
-  std::uint32_t used_lanes(std::size_t level, std::size_t group) const noexcept {
-    const std::size_t nodes = level == 0 ? size() : level_size(level - 1);
-    return nodes - group * tree_width >= tree_width ? 0xffu : (1u << (nodes - group * tree_width)) - 1;
-  }
+  /// Number of nodes, or of boxes at level 0, in the groups of a level.
+  std::size_t nodes(std::size_t level) const noexcept { return level == 0 ? size() : level_size(level - 1); }
 
   /// What a box from `lower` to `upper` (metres) that moves by `displacement` can reach.
   Reach reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept;

@@ -6,15 +6,15 @@
 namespace ringfence::queries {
 
 bool ReachedBoxes::reserve(std::size_t queries) noexcept try {
-  constexpr std::size_t mean_boxes = 64;  // of a query
+  constexpr std::size_t mean_boxes = 96;  // of a query
   reaches_.resize(queries);
-  lists_.resize((max_levels + 1) * (queries + stream_slack));
-  masks_.resize((max_levels + 1) * (queries + stream_slack));
   const std::size_t room = mean_boxes * queries + stream_slack;
+  inner_queries_.resize(room);
+  inner_groups_.resize(room);
   candidate_queries_.resize(room);
   candidate_boxes_.resize(room);
   candidate_at_.resize(room);
-  ends_.resize(queries + 1);
+  ends_.resize(queries);
   boxes_.resize(room);
   return true;
 } catch (const std::bad_alloc&) {
@@ -24,15 +24,14 @@ bool ReachedBoxes::reserve(std::size_t queries) noexcept try {
 bool ReachedBoxes::find(BatchSearch search, const BoxTree& tree, std::size_t queries,
                         std::uint64_t& compared) noexcept {
   Candidates found{candidate_queries_.data(), candidate_boxes_.data(), candidate_at_.data(), 0, candidate_at_.size()};
-  if (!search(tree, {reaches_.data(), queries}, {lists_.data(), masks_.data()}, found, compared)) {
-    return false;
+  const StreamMemory memory{inner_queries_.data(), inner_groups_.data()};
+  if (!search(tree, {reaches_.data(), queries}, memory, found, compared)) return false;
+  std::size_t query = 0;
+  for (std::uint32_t i = 0; i < found.size; ++i) {
+    boxes_[i] = {found.boxes[i], found.at[i]};
+    while (query < found.queries[i]) ends_[query++] = i;
   }
-  std::uint32_t* const ends = ends_.data();
-  std::fill_n(ends, queries + 1, 0u);
-  for (std::size_t i = 0; i < found.size; ++i) ++ends[found.queries[i] + 1];
-  for (std::size_t i = 0; i < queries; ++i) ends[i + 1] += ends[i];
-  // ends[i] is the begin of the list of query i, and becomes its end.
-  for (std::size_t i = 0; i < found.size; ++i) boxes_[ends[found.queries[i]]++] = {found.boxes[i], found.at[i]};
+  while (query < queries) ends_[query++] = static_cast<std::uint32_t>(found.size);
   return true;
 }
 

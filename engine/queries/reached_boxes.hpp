@@ -17,7 +17,7 @@ struct ReachedBox {
 
 /// What the queries of a block reach in a BoxTree: they descend it together.
 ///
-/// Threads: belongs to one. Memory: grows to about a kilobyte for each query of the largest block, kept.
+/// Threads: belongs to one. Memory: grows to about two kilobytes for each query of the largest block, kept.
 class ReachedBoxes {
  public:
   /// Prepares a block of this size. False if there is no memory for it.
@@ -25,10 +25,11 @@ class ReachedBoxes {
   /// What the i-th query reaches; to be set for each query.
   Reach& reach(std::size_t i) noexcept { return reaches_[i]; }
   /// Finds the boxes that the first `queries` queries reach by `search`; `compared` is increased by the number of boxes
-  /// that were compared. False if they reach more than 64 each: then fewer have to be asked at a time.
+  /// that were compared. False if they reach more than 96 each, in a level of the
+  /// tree: then fewer have to be asked at a time.
   bool find(BatchSearch search, const BoxTree& tree, std::size_t queries, std::uint64_t& compared) noexcept;
 
-  /// The boxes of all queries, one query after another; those of a query in any order.
+  /// The boxes of all queries, one query after another; those of a query in the order of the tree.
   ReachedBox& operator[](std::uint32_t i) noexcept { return boxes_[i]; }
   std::uint32_t begin(std::size_t query) const noexcept { return query == 0 ? 0 : ends_[query - 1]; }
   std::uint32_t end(std::size_t query) const noexcept { return ends_[query]; }
@@ -37,8 +38,7 @@ class ReachedBoxes {
 
  private:
   base::FlatList<Reach> reaches_;
-  base::FlatList<std::uint32_t> lists_;  ///< of queries, for each level of the tree
-  base::FlatList<std::uint8_t> masks_;
+  base::FlatList<std::uint32_t> inner_queries_, inner_groups_;  ///< of the levels above the boxes
   base::FlatList<std::uint32_t> candidate_queries_, candidate_boxes_;
   base::FlatList<float> candidate_at_;
   base::FlatList<std::uint32_t> ends_;  ///< of each query in boxes_

@@ -24,14 +24,15 @@ struct Candidates {
 /// Elements that a search for a batch may write behind each of its lists.
 inline constexpr std::size_t stream_slack = 16;
 
-/// What a search for a batch of n queries writes: (n + stream_slack) elements for each level of the tree.
+/// What a search for a batch writes: lists as long as those of Candidates, for the levels of the tree above the boxes.
 struct StreamMemory {
   std::uint32_t* queries;
-  std::uint8_t* masks;
+  std::uint32_t* groups;
 };
 
-/// A search for a batch: appends the boxes that each query reaches, in any order. False if there is too little room.
-/// Adds the number of boxes that were compared to `boxes`.
+/// A search for a batch: sets the candidates to the boxes that each query reaches, in the order of the queries and then
+/// of the tree. False if there is too little room for them, or for what is reached in a level above. The room is for
+/// more than the queries. Adds the number of boxes that were compared to `boxes`.
 using BatchSearch = bool (*)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory,
                              Candidates& out, std::uint64_t& boxes);
 

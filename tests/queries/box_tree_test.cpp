@@ -62,21 +62,20 @@ double enters(const MetricBox& box, const double start[3], const double way[3]) 
 
 /// What a search for a batch writes, with room for all boxes of each query.
 struct BatchMemory {
-  std::vector<std::uint32_t> lists, of, reached;
-  std::vector<std::uint8_t> masks;
+  std::vector<std::uint32_t> of, reached, inner_queries, inner_groups;
   std::vector<float> at;
   queries::Candidates found;
 
   BatchMemory(std::size_t queries, std::size_t boxes)
-      : lists((queries::max_levels + 1) * (queries + queries::stream_slack)),
-        of((8 * boxes + 8) * queries + queries::stream_slack),
+      : of((8 * boxes + 8) * queries + queries::stream_slack),
         reached(of.size()),
-        masks(lists.size()),
+        inner_queries(of.size()),
+        inner_groups(of.size()),
         at(of.size()),
         found{of.data(), reached.data(), at.data(), 0, of.size()} {}
   BatchMemory(const BatchMemory&) = delete;
   BatchMemory& operator=(const BatchMemory&) = delete;
-  queries::StreamMemory stream() { return {lists.data(), masks.data()}; }
+  queries::StreamMemory stream() { return {inner_queries.data(), inner_groups.data()}; }
 };
 
 /// Metres from a point to a box.
@@ -163,6 +162,7 @@ TEST_CASE("a search for a batch lists what each of its queries reaches, or says 
       CHECK(kernels.reach_all(tree, reaches, memory.stream(), found, compared));
       together.resize(reaches.size());
       for (std::size_t i = 0; i < found.size; ++i) {
+        if (i > 0) CHECK(found.queries[i] >= found.queries[i - 1]);
         together[found.queries[i]].push_back(found.boxes[i]);
         CHECK(found.at[i] >= 0);
         CHECK(found.at[i] <= reaches[found.queries[i]].limit * 1.001f);
