@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "base/aligned.hpp"
+#include "base/flat_list.hpp"
 #include "queries/tree_box.hpp"
 #include "ringfence/pose.hpp"
 
@@ -40,7 +40,8 @@ struct Reach {
 ///
 /// Boxes are stored as floats, which are most precise near the origin.
 ///
-/// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
+/// Threads: build() by one; then const functions by any. Memory: kept between builds; 24 to 32 bytes a box, in huge
+/// pages.
 class BoxTree {
  public:
   /// Replaces the contents by the boxes of the rows `order[i]`. False, and the tree is empty, if one of them has no
@@ -78,7 +79,7 @@ class BoxTree {
   Vec3d origin_;
   std::size_t size_ = 0;
   double cost_ = 0;
-  base::AlignedVector<BoxGroup> groups_;
+  base::FlatList<BoxGroup> groups_;
   std::vector<std::size_t> levels_;  ///< first group of each level
 };
 
