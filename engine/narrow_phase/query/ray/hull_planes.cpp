@@ -4,6 +4,7 @@
 #define HWY_TARGET_INCLUDE "narrow_phase/query/ray/hull_planes.cpp"
 #include <hwy/foreach_target.h>
 // This must follow foreach_target.h, which includes this file once for each target.
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 
@@ -54,12 +55,17 @@ PlaneClip clip(const geometry::Hull& hull, const LocalRay& ray, double margin) {
     leave = hn::IfThenElse(outside, nowhere, leave);
     number = hn::Add(number, hn::Set(d, static_cast<double>(hn::Lanes(d))));
   }
-  double enters[8], faces[8];
+  double enters[8], faces[8], leaves[8], heights[8];
   hn::StoreU(enter, d, enters);
   hn::StoreU(entered, d, faces);
-  PlaneClip out{-infinity, hn::GetLane(hn::MinOfLanes(d, leave)), 0, hn::GetLane(hn::MaxOfLanes(d, farthest))};
+  hn::StoreU(leave, d, leaves);
+  hn::StoreU(farthest, d, heights);
+  PlaneClip out{-infinity, infinity, 0, -infinity};
   double face = infinity;
+  // Not by the reductions of <immintrin.h>: clang's take infinity for the largest finite number.
   for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
+    out.leave = std::min(out.leave, leaves[i]);
+    out.farthest = std::max(out.farthest, heights[i]);
     if (enters[i] > out.enter || (enters[i] == out.enter && faces[i] < face)) out.enter = enters[i], face = faces[i];
   }
   out.entered = face < infinity ? static_cast<std::uint32_t>(face) : 0;
