@@ -21,6 +21,7 @@
 //   history        1000 rays at random frames of a history of 64; beside the same rays in the present. `first_ms`: when
 //                  they are the first about their frames
 //   recording      a frame with a history of 64; beside one without: the difference for each object
+//   rest90         a snapshot and its index where nine of ten objects rest; beside the same where all move
 
 namespace ringfence::bench {
 namespace {
@@ -205,6 +206,27 @@ void recording(benchmark::State& state) {
   state.counters["more_ns_each_object"] = median(more) * 1e9 / objects;
 }
 
+void rest90(benchmark::State& state) {
+  RecordedWorld mostly_at_rest = record_world(worlds::ShapeSetting::mixed, objects, recorded_frames);
+  let_rest(mostly_at_rest, 90);
+  PlayedWorld resting(mostly_at_rest), moving(recorded());
+  std::size_t k = 0;
+  const auto measure = [&](PlayedWorld& world, const RecordedWorld& poses) {
+    world.advance(poses.frames[poses.played(k)]);
+    return seconds_of([&] { (void)world.world().snapshot().cast(RayQuery{}); });
+  };
+  std::vector<double> ratios, all;
+  for (auto _ : state) {
+    const double some_moved = measure(resting, mostly_at_rest), all_moved = measure(moving, recorded());
+    ++k;
+    state.SetIterationTime(some_moved);
+    ratios.push_back(some_moved / all_moved);
+    all.push_back(all_moved);
+  }
+  state.counters["ratio"] = median(ratios);
+  state.counters["moving_ms"] = median(all) * 1e3;
+}
+
 }  // namespace
 
 void register_query_loads() {
@@ -217,6 +239,7 @@ void register_query_loads() {
   add("churn", churn);
   add("history", history);
   add("recording", recording);
+  add("rest90", rest90);
 }
 
 }  // namespace ringfence::bench

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "queries/tree_kernels.hpp"
 
@@ -38,14 +39,19 @@ float largest(const float (&of)[tree_width]) noexcept {
 
 std::size_t groups_of(std::size_t nodes) noexcept { return (nodes + tree_width - 1) / tree_width; }
 
+/// Numbers of groups of leaves, ascending; memory of builds on this thread.
+std::vector<std::uint32_t>& wanted_groups() noexcept {
+  thread_local std::vector<std::uint32_t> mine;
+  return mine;
+}
+
 }  // namespace
 
 bool BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
-  origin_ = box_of.origin();
   levels_.clear();
+  size_ = 0;
   std::size_t groups = 0;
-  size_ = leaves.size;
-  for (std::size_t nodes = size_; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
+  for (std::size_t nodes = leaves.size; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
     levels_.push_back(groups);
     groups += groups_of(nodes);
     if (nodes <= tree_width) break;
@@ -54,15 +60,34 @@ bool BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   // would miss the TLB.
   groups_.reserve(groups + groups / 8);
   groups_.resize(groups);
-  cost_ = 0;
-  if (size_ == 0) return true;
-  groups_[(size_ - 1) / tree_width] = empty_group();
-  if (!choose_tree_kernels().fill_leaves(leaves, box_of, groups_.data())) {
-    size_ = 0;
-    return false;
+  for (std::size_t level = 0; level < levels_.size(); ++level)
+    groups_[levels_[level] + level_size(level) - 1] = empty_group();
+  std::vector<std::uint32_t>& all = wanted_groups();
+  all.resize(groups_of(leaves.size));
+  std::iota(all.begin(), all.end(), 0u);
+  return fill(leaves, box_of, all);
+}
+
+bool BoxTree::update(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
+                     std::span<const std::uint8_t> changed) {
+  std::vector<std::uint32_t>& wanted = wanted_groups();
+  wanted.clear();
+  for (std::size_t first = 0; first < order.size(); first += tree_width) {
+    std::uint8_t any = 0;
+    for (std::size_t i = first; i < std::min(first + tree_width, order.size()); ++i) any |= changed[order[i]];
+    if (any != 0) wanted.push_back(static_cast<std::uint32_t>(first / tree_width));
   }
-  std::size_t nodes = groups_of(size_);
-  for (std::size_t level = 1; level < levels_.size(); ++level, nodes = groups_of(nodes)) fill_level(level, nodes);
+  return fill(RowOrder{rows, order.data(), order.size()}, box_of, wanted);
+}
+
+/// Sets the boxes of some groups of leaves, and what is above them.
+bool BoxTree::fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted) {
+  origin_ = box_of.origin();
+  cost_ = 0;
+  size_ = 0;
+  if (!choose_tree_kernels().fill_leaves(leaves, box_of, wanted, groups_.data())) return false;
+  size_ = leaves.size;
+  for (std::size_t level = 1; level < levels_.size(); ++level) fill_level(level, wanted);
   if (levels_.size() > 1) cost_ = surface_of(1) / static_cast<double>(size_);
   return true;
 }
@@ -83,16 +108,20 @@ double BoxTree::surface_of(std::size_t level) const noexcept {
   return sum;
 }
 
-void BoxTree::fill_level(std::size_t level, std::size_t nodes) {
+/// Sets the nodes of a level above the `wanted` groups of leaves.
+void BoxTree::fill_level(std::size_t level, std::span<const std::uint32_t> wanted) {
   const BoxGroup* const below = groups_.data() + levels_[level - 1];
   BoxGroup* const out = groups_.data() + levels_[level];
-  out[(nodes - 1) / tree_width] = empty_group();
-  for (std::size_t i = 0; i < nodes; ++i) {
-    BoxGroup& group = out[i / tree_width];
-    const std::size_t lane = i % tree_width;
+  std::size_t last = ~std::size_t{0};
+  for (const std::uint32_t leaves : wanted) {
+    const std::size_t node = leaves >> (tree_width_log2 * (level - 1));
+    if (node == last) continue;
+    last = node;
+    BoxGroup& group = out[node / tree_width];
+    const std::size_t lane = node % tree_width;
     for (std::size_t a = 0; a < 3; ++a) {
-      group.lower[a][lane] = least(below[i].lower[a]);
-      group.upper[a][lane] = largest(below[i].upper[a]);
+      group.lower[a][lane] = least(below[node].lower[a]);
+      group.upper[a][lane] = largest(below[node].upper[a]);
     }
   }
 }

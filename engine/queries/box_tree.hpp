@@ -12,7 +12,7 @@
 namespace ringfence::queries {
 
 /// Number of children of a node of the tree.
-inline constexpr std::size_t tree_width = 8;
+inline constexpr std::size_t tree_width_log2 = 3, tree_width = 1 << tree_width_log2;
 
 /// The boxes of eight siblings as columns, in metres from the tree's origin. An unused lane has a lower side of
 /// infinity and an upper side of minus infinity.
@@ -54,6 +54,11 @@ class BoxTree {
     return build(RowOrder{rows, nullptr, rows.size()}, box_of);
   }
 
+  /// After a build in the same order: sets the boxes of the rows with a `changed` byte, and all groups above them.
+  /// Returns as build().
+  bool update(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
+              std::span<const std::uint8_t> changed);
+
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
@@ -73,7 +78,8 @@ class BoxTree {
     return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
   bool build(const RowOrder& leaves, const BoxConverter& box_of);
-  void fill_level(std::size_t level, std::size_t nodes);
+  bool fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted);
+  void fill_level(std::size_t level, std::span<const std::uint32_t> wanted);
   double surface_of(std::size_t level) const noexcept;
 
   Vec3d origin_;

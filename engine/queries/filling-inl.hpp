@@ -61,35 +61,44 @@ inline bool is_within(const BoundsGroup& group, std::uint32_t first, std::uint32
   return least >= first && most <= last;
 }
 
-inline bool fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, BoxGroup* groups) {
-  constexpr std::size_t ahead = 32;
+// Sets the boxes of a group; false if one of its rows has no object.
+HWY_INLINE bool fill_group(const RowOrder& leaves, std::size_t first, const BoxConverter& box_of, BoxGroup& group) {
   BoundsGroup loaded;
-  for (std::size_t first = 0; first < leaves.size; first += tree_width) {
-    const std::size_t count = std::min(tree_width, leaves.size - first);
-    float least_margin = 0;
+  const std::size_t count = std::min(tree_width, leaves.size - first);
+  float least_margin = 0;
+  for (std::size_t i = 0; i < tree_width; ++i) {
+    const RowBounds& row = leaves[first + std::min(i, count - 1)];
+    for (std::size_t a = 0; a < 3; ++a) {
+      loaded.lower[a][i] = row.bounds.lower[a];
+      loaded.upper[a][i] = row.bounds.upper[a];
+    }
+    loaded.margin[i] = row.margin;
+    least_margin = std::min(least_margin, row.margin);
+  }
+  if (least_margin < 0) return false;
+  if (count == tree_width && is_within(loaded, box_of.first(), box_of.last())) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      convert(loaded.lower[a], loaded.margin, box_of, a, -1, group.lower[a]);
+      convert(loaded.upper[a], loaded.margin, box_of, a, 1, group.upper[a]);
+    }
+    return true;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const TreeBox box = box_of(leaves[first + i]);
+    for (std::size_t a = 0; a < 3; ++a) group.lower[a][i] = box.lower[a], group.upper[a][i] = box.upper[a];
+  }
+  return true;
+}
+
+inline bool fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
+                        BoxGroup* groups) {
+  constexpr std::size_t ahead = 4;
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    const std::size_t soon = wanted[std::min(k + ahead, wanted.size() - 1)] * tree_width;
     for (std::size_t i = 0; i < tree_width; ++i) {
-      base::prefetch_for_read(&leaves[std::min(first + i + ahead, leaves.size - 1)]);
-      const RowBounds& row = leaves[first + std::min(i, count - 1)];
-      for (std::size_t a = 0; a < 3; ++a) {
-        loaded.lower[a][i] = row.bounds.lower[a];
-        loaded.upper[a][i] = row.bounds.upper[a];
-      }
-      loaded.margin[i] = row.margin;
-      least_margin = std::min(least_margin, row.margin);
+      base::prefetch_for_read(&leaves[std::min(soon + i, leaves.size - 1)]);
     }
-    if (least_margin < 0) return false;
-    BoxGroup& group = groups[first / tree_width];
-    if (count == tree_width && is_within(loaded, box_of.first(), box_of.last())) {
-      for (std::size_t a = 0; a < 3; ++a) {
-        convert(loaded.lower[a], loaded.margin, box_of, a, -1, group.lower[a]);
-        convert(loaded.upper[a], loaded.margin, box_of, a, 1, group.upper[a]);
-      }
-      continue;
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      const TreeBox box = box_of(leaves[first + i]);
-      for (std::size_t a = 0; a < 3; ++a) group.lower[a][i] = box.lower[a], group.upper[a][i] = box.upper[a];
-    }
+    if (!fill_group(leaves, wanted[k] * tree_width, box_of, groups[wanted[k]])) return false;
   }
   return true;
 }

@@ -58,8 +58,10 @@ void FramePart::build_again(std::span<const FrameObject> rows, std::size_t count
 
 /// Builds the tree in an order if exactly its rows have objects, and their bounds are known, which say so.
 bool FramePart::build_in(const TreeOrder& order, std::size_t count, const KnownBounds& known) {
-  return !known.rows.empty() && order.rows.size() == count && order.end <= rows_.size() &&
-         tree_.build(known.rows, order.rows, *known.box_of);
+  if (known.rows.empty() || order.rows.size() != count || order.end > rows_.size()) return false;
+  const bool is_built = &order == order_.get() && tree_.size() == count;
+  return is_built && !known.changed.empty() ? tree_.update(known.rows, order.rows, *known.box_of, known.changed)
+                                            : tree_.build(known.rows, order.rows, *known.box_of);
 }
 
 /// Builds the tree in the order of own_, which is sorted first unless it has been adapted.

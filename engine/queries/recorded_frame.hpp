@@ -18,10 +18,11 @@ namespace ringfence::queries {
 /// The present objects of one complete frame, as queries read them, with the indexes that its queries have built.
 ///
 /// Two indexes: one of the objects where they stand, and one of their ways to the next frame, for times between the
-/// two. Each is built by the first query that needs it.
+/// two. Each is built by the first query that needs it. Rows of objects that have not changed are kept for the next
+/// frame that is recorded here, with their places in the index.
 ///
 /// Threads: one thread records, while no reader has pinned the frame; then all const functions by any number of
-/// threads, which wait for each other only while an index is built. Memory: kept between frames; 72 to 100 bytes
+/// threads, which wait for each other only while an index is built. Memory: kept between frames; 74 to 102 bytes
 /// for each slot, and 30 to 100 for each object and index.
 class RecordedFrame {
  public:
@@ -35,13 +36,20 @@ class RecordedFrame {
   static constexpr std::uint64_t none = ~std::uint64_t{0};
 
   // Recording.
-  /// Discards the contents: number() is none until finish(). Then every row is to be set. May throw std::bad_alloc.
-  void begin(std::size_t slots);
-  /// The row of a slot. Its number is 0 if the slot has no present object.
-  FrameObject& row(std::uint32_t slot) noexcept { return rows_[slot]; }
-  /// From now on the bounds of all rows are set too, so that the index need not compute them. May throw
-  /// std::bad_alloc.
+  /// Begins frame `number`: number() is none until finish(). What was recorded here before is still there: returns the
+  /// number of that frame, or none if every slot is to be set. May throw std::bad_alloc; then nothing is left.
+  std::uint64_t begin(std::size_t slots, std::uint64_t number);
+  /// After begin(), always or never: the bounds of all rows are set too, so that the index need not compute them.
+  /// `space` is that of the world, `origin` a place in the midst of the objects. May throw std::bad_alloc.
   void begin_bounds(const geometry::FixedSpace& space, const Vec3d& origin);
+  /// The row of a slot, to set it and all that belongs to it. Its number is 0 if the slot has no present object.
+  FrameObject& row(std::uint32_t slot) noexcept {
+    changed_[slot] = 1;
+    return rows_[slot];
+  }
+  /// What the caller has noted about the row of a slot when it was set; 0 at first.
+  std::uint8_t& source(std::uint32_t slot) noexcept { return sources_[slot]; }
+  void prefetch_row(std::uint32_t slot) const noexcept { base::prefetch_for_write(&rows_[slot]); }
   void set_bounds(std::uint32_t slot, const RowBounds& bounds) noexcept { bounds_[slot] = bounds; }
   void prefetch_bounds(std::uint32_t slot) const noexcept { base::prefetch_for_write(&bounds_[slot]); }
   void set_user_data(std::uint32_t slot, std::uint64_t data) noexcept { user_data_[slot] = data; }
@@ -91,6 +99,8 @@ class RecordedFrame {
   base::FlatList<RowBounds> bounds_;  ///< by slot, or empty
   std::optional<BoxConverter> box_of_;
   base::FlatList<std::uint64_t> user_data_;
+  std::vector<std::uint8_t> sources_;
+  mutable std::vector<std::uint8_t> changed_;  ///< by slot: 1 if it was set since standing_ was built
   mutable LazyPart standing_, moving_;
   mutable std::mutex building_;
   mutable std::atomic<std::uint32_t> readers_{0};

@@ -6,6 +6,7 @@
 
 #include "geometry/bounds.hpp"
 #include "geometry/shape_view.hpp"
+#include "geometry/vector.hpp"
 #include "queries/frame_object.hpp"
 #include "ringfence/pose.hpp"
 
@@ -70,10 +71,17 @@ class BoxConverter {
   std::uint32_t first_, last_;  ///< the steps of equal size, both included
 };
 
+/// Whether the boxes of objects at that place are precise: they are a quarter of a millimetre wider at most.
+inline bool is_near_origin(const BoxConverter& box_of, const Vec3d& place) noexcept {
+  return length(box_of.origin() - place) <= 1024;
+}
+
 /// Bounds of objects that are known before an index is built, by row; empty: none is known.
 struct KnownBounds {
   std::span<const RowBounds> rows;
   const BoxConverter* box_of = nullptr;  ///< converts them
+  /// By row: 0 if its bounds are as in the build before, and box_of too if any is 0; empty: not known.
+  std::span<const std::uint8_t> changed = {};
 };
 
 /// An origin in the midst of most objects, where floats are precise: the medians of the positions of some of the

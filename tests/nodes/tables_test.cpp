@@ -83,7 +83,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       for (auto& [number, model] : live) {
         if (random() % 4 == 0) {
           model.spec.enabled = random() % 2 == 0;
-          table.row(model.slot).object.flags = model.spec.enabled ? messages::flag_present : 0u;
+          table.change_row(model.slot).object.flags = model.spec.enabled ? messages::flag_present : 0u;
           if (random() % 2 == 0) {
             table.mark_moved_host_only(model.slot);
             touched.insert(model.slot);

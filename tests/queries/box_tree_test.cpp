@@ -1,6 +1,7 @@
 #include "queries/box_tree.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -297,6 +298,49 @@ TEST_CASE("a visit that lowers the limit prunes the rest, and a negative limit e
     const double start[3] = {-45, 0, 0}, way[3] = {90, 0.1, 0.1};
     CHECK(enters(boxes.metric[box], start, way) >= entered.least);
   }
+}
+
+TEST_CASE("a tree of which some boxes were updated is the tree that is built of all of them") {
+  for (const std::size_t count : {1u, 7u, 8u, 65u, 512u, 4100u}) {
+    for (const std::size_t of_a_hundred : {0u, 2u, 50u, 100u}) {
+      CAPTURE(count);
+      CAPTURE(of_a_hundred);
+      Boxes boxes(count, 40, count + of_a_hundred);
+      const Boxes later(count, 40, 1000 + count);
+      BoxTree updated, built;
+      REQUIRE(updated.build(boxes.of_rows, boxes.order, boxes.box_of));
+      Random random(count);
+      std::vector<std::uint8_t> changed(count);
+      for (std::size_t row = 0; row < count; ++row) {
+        if (random.below(100) >= of_a_hundred) continue;
+        changed[row] = 1;
+        boxes.of_rows[row] = later.of_rows[row];
+      }
+      REQUIRE(updated.update(boxes.of_rows, boxes.order, boxes.box_of, changed));
+      REQUIRE(built.build(boxes.of_rows, boxes.order, boxes.box_of));
+      REQUIRE(updated.size() == built.size());
+      REQUIRE(updated.levels() == built.levels());
+      CHECK(updated.cost() == built.cost());
+      for (std::size_t level = 0; level < built.levels(); ++level) {
+        const std::size_t groups = (built.nodes(level) + queries::tree_width - 1) / queries::tree_width;
+        CHECK(std::memcmp(updated.level(level), built.level(level), groups * sizeof(queries::BoxGroup)) == 0);
+      }
+    }
+  }
+}
+
+TEST_CASE("a tree in which a row has lost its object is not updated, and empty until it is built again") {
+  Boxes boxes(100, 40, 5);
+  BoxTree tree;
+  REQUIRE(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
+  boxes.of_rows[42].margin = -1;
+  std::vector<std::uint8_t> changed(100);
+  changed[42] = 1;
+  CHECK(!tree.update(boxes.of_rows, boxes.order, boxes.box_of, changed));
+  CHECK(tree.size() == 0);
+  std::erase(boxes.order, 42u);
+  CHECK(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
+  CHECK(tree.size() == 99);
 }
 
 }  // namespace

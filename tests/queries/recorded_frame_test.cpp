@@ -16,7 +16,7 @@ namespace {
 using queries::RecordedFrame;
 
 void record(RecordedFrame& frame, std::uint64_t number, const std::vector<FrameObject>& rows) {
-  frame.begin(rows.size());
+  (void)frame.begin(rows.size(), number);
   for (std::uint32_t i = 0; i < rows.size(); ++i) {
     frame.row(i) = rows[i];
     frame.set_user_data(i, 100 + i);
@@ -61,6 +61,59 @@ TEST_CASE("a frame shows the shapes, objects and user data that it was recorded 
   CHECK(!frame.has_shape(second));
   CHECK(frame.has_shape(third));
   CHECK(first_hit(frame.standing(), frame, 0) == doctest::Approx(29));
+}
+
+TEST_CASE("a frame that is recorded again keeps the rows that are not set, and finds what a new one finds") {
+  const auto shapes = std::make_shared<geometry::ShapeTable>();
+  add_shapes(*shapes);
+  const geometry::FixedSpace space({-50, -50, -50}, {50, 50, 50});
+  const auto order = std::make_shared<queries::LastOrder>();
+  RecordedFrame again(shapes, order);
+  Random random(8);
+  std::vector<FrameObject> rows = make_rows(random, 300, 10, {});
+  const auto set = [&](RecordedFrame& frame, std::uint32_t slot) {
+    const FrameObject& row = frame.row(slot) = rows[slot];
+    frame.set_user_data(slot, row.number);
+    const bool any = row.number != 0;
+    frame.set_bounds(slot, any ? queries::RowBounds{shapes->bounds(row.shape, row.pose, space),
+                                                    queries::margin_of(shapes->row(row.shape))}
+                               : queries::RowBounds{{}, -1});
+  };
+  for (std::uint64_t number = 3; number < 30; ++number) {
+    CAPTURE(number);
+    // Far away from time to time, which moves the origin of the index.
+    const Vec3d origin = number % 9 == 0 ? Vec3d{5000, 0, 0} : Vec3d{};
+    CHECK(again.begin(rows.size(), number) == (number == 3 ? RecordedFrame::none : number - 1));
+    again.begin_bounds(space, origin);
+    const std::vector<FrameObject> drawn = make_rows(random, rows.size(), 10, {});
+    for (std::uint32_t slot = 0; slot < rows.size(); ++slot) {
+      if (number != 3 && random.below(20) != 0) continue;
+      if (number != 3) rows[slot] = drawn[slot];
+      set(again, slot);
+    }
+    const auto objects = static_cast<std::size_t>(
+        std::count_if(rows.begin(), rows.end(), [](const FrameObject& row) { return row.number != 0; }));
+    again.finish(number, objects);
+    RecordedFrame fresh(shapes, std::make_shared<queries::LastOrder>());
+    (void)fresh.begin(rows.size(), number);
+    fresh.begin_bounds(space, {});
+    for (std::uint32_t slot = 0; slot < rows.size(); ++slot) set(fresh, slot);
+    fresh.finish(number, objects);
+    if (number % 4 == 0) continue;  // no query, so no index of this frame
+    for (int i = 0; i < 40; ++i) {
+      const narrow_phase::Ray ray = narrow_phase::Ray::along(random.in_cube(15), random.in_cube(30));
+      queries::ObjectHit found, right;
+      QueryWork work;
+      cast_one(again.standing(), {again.shapes(), 0}, ray, found, work);
+      cast_one(fresh.standing(), {fresh.shapes(), 0}, ray, right, work);
+      REQUIRE((found.object == nullptr) == (right.object == nullptr));
+      if (found.object == nullptr) continue;
+      REQUIRE(found.object->number == right.object->number);
+      REQUIRE(found.hit.fraction == right.hit.fraction);
+      REQUIRE(again.user_data(found.object->slot) == found.object->number);
+    }
+  }
+  CHECK(again.begin(rows.size() - 1, 31) == RecordedFrame::none);
 }
 
 TEST_CASE("on the way to the next frame an object moves if it is the same one there, with the same shape") {

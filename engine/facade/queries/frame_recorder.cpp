@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/frame_stamp.hpp"
 #include "base/prefetch.hpp"
 #include "nodes/cd_node/region_objects.hpp"
 #include "queries/tree_box.hpp"
@@ -63,16 +64,23 @@ Vec3d origin_of(const ObjectTable& table) {
   return {at[0][size / 2], at[1][size / 2], at[2][size / 2]};
 }
 
-/// Records rows and, if wanted, bounds.
+/// Where the row of a slot was recorded from, so that it can be kept while its source has not changed. 0: nowhere yet.
+constexpr std::uint8_t from_nothing = 1, from_table = 2, from_both = 3;
+constexpr std::uint8_t from_host(NodeNumber node) noexcept { return static_cast<std::uint8_t>(4 + node % 252); }
+
+/// Records rows and, if wanted, bounds. What has not changed since the frame that was recorded in the same place is
+/// left as it is.
 class Recorder {
  public:
   Recorder(const nodes::ServerRole& server, RecordedFrame& frame, bool with_bounds)
       : server_(server), table_(server.objects()), frame_(frame), with_bounds_(with_bounds), shapes_(server.shapes()) {}
 
   /// Returns the number of objects.
-  std::size_t record() {
-    frame_.begin(table_.slots());
+  std::size_t record(std::uint64_t number) {
+    const std::uint64_t kept = frame_.begin(table_.slots(), number);
     if (with_bounds_) frame_.begin_bounds(server_.space(), origin_of(table_));
+    keeps_ = kept != RecordedFrame::none;
+    kept_ = base::stamp_of(kept);
     const std::size_t objects = record_table();
     if (record_hosts() != in_hosts_) record_received();
     return objects;
@@ -85,17 +93,17 @@ class Recorder {
   std::size_t record_table() {
     std::size_t objects = 0;
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
+      // When a host takes an object, it reports a state, which changes the row in the table.
+      if (is_kept(slot, from_table, table_.changed()[slot])) {
+        ++objects;
+        continue;
+      }
       prefetch_table(slot + ahead);
       const bool present = table_.present()[slot] != 0, in_host = server_.is_in_host(slot);
       objects += present ? 1 : 0;
       in_hosts_ += present && in_host ? 1 : 0;
       if (present && in_host) continue;
-      if (present) {
-        set_row(table_, slot, frame_.row(slot));
-        finish_row(slot);
-      } else {
-        clear(slot);
-      }
+      present ? record_row(slot) : clear(slot);
     }
     return objects;
   }
@@ -103,27 +111,43 @@ class Recorder {
   /// Returns how many objects the hosts have.
   std::size_t record_hosts() {
     std::size_t found = 0;
-    server_.each_in_host([&](const RegionObjects& known, std::uint32_t i) {
-      if (i + ahead < known.size()) prefetch_row(known.slot(i + ahead));
+    server_.each_in_host([&](NodeNumber node, const RegionObjects& known, std::uint32_t i) {
       const std::uint32_t slot = known.slot(i);
       if (table_.present()[slot] == 0) return;
       ++found;
-      set_row(known, i, slot, frame_.row(slot));
-      frame_.set_user_data(slot, known.bodies()[i].user_data);
-      if (with_bounds_) set_bounds(slot, known.bounds()[i]);
+      if (is_kept(slot, from_host(node), known.changed()[i])) return;
+      frame_.source(slot) = from_host(node);
+      base::prefetch_for_read(&known.bodies()[i]);
+      prefetch_row(slot);
+      to_read_[reading_++] = {&known, i};
+      if (reading_ == to_read_.size()) read_hosts();
     });
+    read_hosts();
     return found;
+  }
+
+  /// Records what has been prefetched.
+  void read_hosts() {
+    for (const auto& [known, i] : std::span(to_read_).first(reading_)) {
+      const std::uint32_t slot = known->slot(i);
+      set_row(*known, i, slot, frame_.row(slot));
+      frame_.set_user_data(slot, known->bodies()[i].user_data);
+      if (with_bounds_) set_bounds(slot, known->bounds()[i]);
+    }
+    reading_ = 0;
   }
 
   /// Some hosts have only just received objects.
   void record_received() {
+    keeps_ = false;
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
       if (server_.is_in_host(slot)) clear(slot);
     }
     (void)record_hosts();
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
-      if (table_.present()[slot] == 0 || frame_.row(slot).number != 0) continue;
+      if (table_.present()[slot] == 0 || frame_.source(slot) != from_nothing) continue;
       FrameObject& row = frame_.row(slot);
+      frame_.source(slot) = from_both;  // is not kept
       set_row(table_, slot, row);
       row.pose = server_.pose(slot);
       row.jumped = 0;
@@ -131,21 +155,36 @@ class Recorder {
     }
   }
 
+  bool is_kept(std::uint32_t slot, std::uint8_t source, base::FrameStamp changed) noexcept {
+    return keeps_ && frame_.source(slot) == source && !base::may_have_changed(changed, kept_);
+  }
+
   void prefetch_table(std::uint32_t slot) const noexcept {
-    if (slot >= table_.slots() || server_.is_in_host(slot)) return;
+    if (slot >= table_.slots() || server_.is_in_host(slot) ||
+        (keeps_ && !base::may_have_changed(table_.changed()[slot], kept_))) {
+      return;
+    }
     base::prefetch_for_read(&table_.row(slot));
     prefetch_row(slot);
   }
 
   void prefetch_row(std::uint32_t slot) const noexcept {
     if (slot >= table_.slots()) return;
-    base::prefetch_for_write(&frame_.row(slot));
+    frame_.prefetch_row(slot);
     if (with_bounds_) frame_.prefetch_bounds(slot);
   }
 
   void clear(std::uint32_t slot) noexcept {
+    if (keeps_ && frame_.source(slot) == from_nothing) return;
+    frame_.source(slot) = from_nothing;
     frame_.row(slot).number = 0;
     if (with_bounds_) frame_.set_bounds(slot, {{}, -1});
+  }
+
+  void record_row(std::uint32_t slot) {
+    frame_.source(slot) = from_table;
+    set_row(table_, slot, frame_.row(slot));
+    finish_row(slot);
   }
 
   /// What a row from the table needs beside it.
@@ -166,13 +205,21 @@ class Recorder {
   RecordedFrame& frame_;
   bool with_bounds_;
   const geometry::ShapeTable& shapes_;
-  std::size_t in_hosts_ = 0;  ///< objects that are still to be recorded
+  bool keeps_ = false;         ///< rows of an earlier frame are there
+  base::FrameStamp kept_ = 0;  ///< that frame
+  std::size_t in_hosts_ = 0;   ///< objects that are still to be recorded
+  struct InHost {
+    const RegionObjects* known;
+    std::uint32_t i;
+  };
+  std::array<InHost, 32> to_read_;  ///< objects that have been prefetched
+  std::size_t reading_ = 0;         ///< number of them
 };
 
 }  // namespace
 
 void record_frame(const nodes::ServerRole& server, std::uint64_t number, bool with_bounds, RecordedFrame& frame) {
-  const std::size_t objects = Recorder(server, frame, with_bounds).record();
+  const std::size_t objects = Recorder(server, frame, with_bounds).record(number);
   frame.finish(number, objects);
 }
 

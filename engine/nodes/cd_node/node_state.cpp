@@ -36,6 +36,7 @@ void NodeState::settle(NodeNumber node) {
 }
 
 void NodeState::begin(std::uint64_t new_frame) noexcept {
+  objects.begin_frame(new_frame);
   frame = new_frame;
   received = {};
   await_positions();

@@ -13,7 +13,8 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
 // Calls visit for each list that has an element for each object. Groups and crowds have none until an object has one.
 template <class Visit>
 void RegionObjects::each_list(Visit visit) {
-  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_);
+  visit(slots_), visit(bodies_), visit(numbers_), visit(changed_), visit(hosted_), visit(marks_), visit(marks_before_),
+      visit(layers_);
   if (has_groups_) {
     visit(groups_);
   }
@@ -32,6 +33,7 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   slots_.push_back(slot);
   bodies_.add().number = 0;  // not the number of any object, so set() writes the constant fields
   numbers_.add();
+  changed_.push_back(frame_);
   hosted_.add();
   marks_.push_back(0);
   marks_before_.push_back(0);
@@ -48,6 +50,7 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
 
 void RegionObjects::set_filter(std::uint32_t i, PairFilter filter) {
   layers_[i] = filter.layer;
+  changed_[i] = frame_;
   const auto set = [&](std::vector<std::uint32_t>& list, bool& has_any, std::uint32_t value) {
     if (value != 0 && !has_any) {
       list.resize(slots_.size());
@@ -72,6 +75,9 @@ void RegionObjects::remove(std::uint32_t slot) {
     list[i] = list[last];
     list.pop_back();
   });
+  if (i != last) {
+    changed_[i] = frame_;
+  }
   if (sweeps_ && i != last) {
     resting_[i] = 0;
   }

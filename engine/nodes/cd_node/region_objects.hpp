@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/frame_stamp.hpp"
 #include "base/number_index.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
@@ -75,6 +76,7 @@ class RegionObjects {
     }
     bodies_[i] = {values.pose,  values.shape,    object.number,   object.generation,
                   values.layer, values.category, values.user_data};
+    changed_[i] = frame_;
     marks_[i] = static_cast<std::uint8_t>((inner ? inner_mark : 0) | static_cast<unsigned>(next));
     hosted_[i] = hosted;
     if (sweeps_) {
@@ -93,6 +95,7 @@ class RegionObjects {
       base::prefetch_for_read(&slots_[i]);
       base::prefetch_for_write(&marks_[i]);
       base::prefetch_for_write(&hosted_[i]);
+      base::prefetch_for_write(&changed_[i]);
       base::prefetch_for_write(&bodies_[i]);
       if (sweeps_) {
         base::prefetch_for_write(&bounds_[i]);
@@ -104,10 +107,14 @@ class RegionObjects {
   /// Removes an object; the last one takes its index. Does nothing if the object is unknown.
   void remove(std::uint32_t slot);
   void clear() noexcept;
+  /// From now on changes are those of that frame.
+  void begin_frame(std::uint64_t frame) noexcept { frame_ = base::stamp_of(frame); }
 
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
+  /// The last frame in which each index got its object, or set() or set_filter() was called for it.
+  std::span<const base::FrameStamp> changed() const noexcept { return changed_; }
   /// As last passed to set().
   NextHost next_host(std::size_t i) const noexcept { return static_cast<NextHost>(marks_[i] & ~inner_mark); }
   /// Index of the i-th object in the node's Host at its last set(), or none.
@@ -155,6 +162,8 @@ class RegionObjects {
   std::vector<std::uint32_t> crowds_;  ///< empty without has_crowds_
   bool has_crowds_ = false;            ///< an object had a crowd
   base::FlatList<ObjectNumber> numbers_;
+  base::FlatList<base::FrameStamp> changed_;
+  base::FrameStamp frame_ = 0;
   base::FlatList<std::uint32_t> hosted_;
   std::vector<std::uint8_t> marks_;  ///< NextHost, and inner_mark
   std::vector<std::uint8_t> marks_before_;

@@ -85,6 +85,7 @@ bool ServerRole::list_answers(std::vector<const NodeQueries*>& answers) const {
 
 void ServerRole::cut() {
   state_.frame = frames_++;
+  state_.objects.begin_frame(state_.frame);
   statistics_.begin();
   const bool any_lost = cut_.begin();
   cut_.apply_requests();

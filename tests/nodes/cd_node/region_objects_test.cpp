@@ -15,9 +15,10 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
   std::mt19937_64 random(seed);
   RegionObjects known(8, true);
   std::map<std::uint32_t, messages::PositionRecord> model;
-  std::map<std::uint32_t, std::uint32_t> places;  // by slot: result of the last set()
-  std::set<std::uint32_t> changed;                // slots set since the last settle()
-  std::set<std::uint32_t> inner;                  // slots that were inner at the last note_inner() and are known since
+  std::map<std::uint32_t, std::uint32_t> places;     // by slot: result of the last set()
+  std::set<std::uint32_t> changed;                   // slots set since the last settle()
+  std::map<std::uint32_t, base::FrameStamp> stamps;  // by slot: frame of the last set()
+  std::set<std::uint32_t> inner;  // slots that were inner at the last note_inner() and are known since
   const auto draw = [&] {
     messages::PositionRecord record;
     record.object.slot = static_cast<std::uint32_t>(random() % 200);
@@ -34,6 +35,7 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
   };
   for (int round = 0; round < 20000; ++round) {
     CAPTURE(round);
+    known.begin_frame(static_cast<std::uint64_t>(round));
     switch (random() % 8) {
       case 0:
       case 1:
@@ -49,6 +51,7 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
         REQUIRE(known.find(record.object.slot, static_cast<std::uint32_t>(random() % 300)) == was->second);
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
+        stamps[record.object.slot] = static_cast<base::FrameStamp>(round);
         break;
       }
       case 7:
@@ -108,6 +111,8 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
       REQUIRE(known.was_inner(i) == (inner.count(slot) != 0));
       REQUIRE(known.numbers()[i] == known.bodies()[i].number);
       REQUIRE(known.present()[i] == 1);
+      REQUIRE(known.changed()[i] >= stamps[slot]);
+      REQUIRE((known.changed()[i] == stamps[slot] || i != places[slot]));  // another index is a change
       if (changed.count(slot) != 0) {
         REQUIRE(known.resting()[i] == 0);  // an object that rests for the sweep has not changed
       }

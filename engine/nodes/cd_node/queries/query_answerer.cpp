@@ -13,24 +13,39 @@ void QueryAnswerer::begin() {
   messages::NodeFrameStats& stats = state_.stats;
   stats.query_ns = stats.query_boxes = stats.query_tests = stats.query_failed_supports = 0;
   SpanTimer time(state_.setup.track, "queries", stats.query_ns);
+  resize(state_.objects.size());
   list_owned();
-  const Vec3d origin = owned_ == 0 ? Vec3d{} : rows_[first_owned_].pose.position;
-  find_bounds();
-  const queries::BoxConverter box_of(*state_.setup.space, origin);
-  part_.build_again(rows_.span(), owned_, *state_.setup.shapes, {bounds_.span(), &box_of});
+  set_origin();
+  kept_frame_ = none;
+  part_.build_again(rows_.span(), owned_, *state_.setup.shapes, {bounds_.span(), &*box_of_, changed_});
+  kept_frame_ = state_.frame;
   state_.contacts.queries.hits.clear();
   next_ = 0;
   pending_ = true;
 }
 
+void QueryAnswerer::resize(std::size_t objects) {
+  is_kept_ = kept_frame_ != none && state_.frame - kept_frame_ <= base::stamps_last;
+  if (!is_kept_) is_owned_.clear();
+  rows_.resize(objects);
+  bounds_.resize(state_.objects.bounds().size());
+  is_owned_.resize(objects);
+  changed_.assign(objects, is_kept_ ? std::uint8_t{0} : std::uint8_t{1});
+}
+
 void QueryAnswerer::list_owned() {
   const RegionObjects& objects = state_.objects;
   const bool alone = state_.region.map().sole_owner() == state_.setup.node;
-  rows_.resize(objects.size());
+  // In that frame, objects may have changed after its queries.
+  const base::FrameStamp kept = base::stamp_of(kept_frame_ - 1);
   owned_ = 0;
   at_border_.clear();
   for (std::uint32_t i = 0; i < objects.size(); ++i) {
-    rows_[i].number = 0;
+    if (is_kept_ && !base::may_have_changed(objects.changed()[i], kept)) {
+      owned_ += is_owned_[i];
+      continue;
+    }
+    clear(i);
     if (alone || objects.inner(i)) {
       add(i);
     } else {
@@ -67,6 +82,13 @@ void QueryAnswerer::add_at_border() {
   }
 }
 
+void QueryAnswerer::clear(std::uint32_t known) {
+  rows_[known].number = 0;
+  is_owned_[known] = 0;
+  changed_[known] = 1;
+  if (!bounds_.empty()) bounds_[known].margin = -1;
+}
+
 void QueryAnswerer::add(std::uint32_t known) {
   const RegionObjects& objects = state_.objects;
   const narrow_phase::Body& body = objects.bodies()[known];
@@ -80,16 +102,21 @@ void QueryAnswerer::add(std::uint32_t known) {
                   static_cast<std::uint8_t>(body.layer),
                   static_cast<std::uint8_t>(body.category),
                   0};
-  first_owned_ = owned_++ == 0 ? known : first_owned_;
+  is_owned_[known] = 1;
+  ++owned_;
+  if (!bounds_.empty()) {
+    bounds_[known] = {objects.bounds()[known], queries::margin_of(state_.setup.shapes->row(body.shape))};
+  }
 }
 
-void QueryAnswerer::find_bounds() {
-  const std::span<const geometry::Bounds> known = state_.objects.bounds();
-  bounds_.resize(known.size());
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    const bool owned = rows_[i].number != 0;
-    bounds_[i] = {known[i], owned ? queries::margin_of(state_.setup.shapes->row(rows_[i].shape)) : -1};
-  }
+/// Boxes are most precise near the origin: it is a place among the objects.
+void QueryAnswerer::set_origin() {
+  const auto owned = std::find(is_owned_.begin(), is_owned_.end(), 1);
+  const bool any = owned != is_owned_.end();
+  const Vec3d place = any ? rows_[static_cast<std::size_t>(owned - is_owned_.begin())].pose.position : Vec3d{};
+  if (box_of_ && (!any || queries::is_near_origin(*box_of_, place))) return;
+  box_of_.emplace(*state_.setup.space, place);
+  std::fill(changed_.begin(), changed_.end(), std::uint8_t{1});
 }
 
 void QueryAnswerer::answer_some() {

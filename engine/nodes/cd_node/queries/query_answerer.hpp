@@ -2,12 +2,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/frame_stamp.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/queries/query_answers.hpp"
 #include "queries/frame_part.hpp"
+#include "queries/tree_box.hpp"
 
 namespace ringfence::nodes {
 
@@ -15,7 +18,8 @@ namespace ringfence::nodes {
 ///
 /// A present object belongs to the node whose region has the lower corner of its bounds. That is the rule for pairs,
 /// applied to the pair of the object with itself, so each object belongs to one node that knows it. An object whose
-/// bounds touch only this node's region needs no computation.
+/// bounds touch only this node's region needs no computation. What has not changed since the frame with queries before
+/// stays in the index.
 ///
 /// Threads: belongs to the CD node. Memory: nothing without queries; grows to the largest frame with queries.
 class QueryAnswerer {
@@ -30,23 +34,33 @@ class QueryAnswerer {
   /// Answers the next queries. Precondition: is_pending().
   void answer_some();
   /// The frame is detected again: discards the answers.
-  void discard() noexcept { pending_ = false; }
+  void discard() noexcept {
+    pending_ = false;
+    kept_frame_ = none;
+  }
 
  private:
   static constexpr std::size_t queries_at_once = 1024;
 
+  void resize(std::size_t objects);
   void list_owned();
   void add_at_border();
+  void clear(std::uint32_t known);
   void add(std::uint32_t known);
-  void find_bounds();
+  void set_origin();
 
   NodeState& state_;
   base::FlatList<queries::FrameObject> rows_;  ///< by index in RegionObjects; number 0 if the node does not own it
   base::FlatList<queries::RowBounds> bounds_;  ///< the same; empty if the node has no bounds
-  std::size_t owned_ = 0;                      ///< rows with an object
-  std::uint32_t first_owned_ = 0;              ///< one of them, if there are any
-  std::vector<std::uint32_t> at_border_;       ///< known objects that may belong to another node
-  queries::FramePart part_;                    ///< refers to rows_
+  std::vector<std::uint8_t> is_owned_;         ///< the same: whether the row has an object
+  std::vector<std::uint8_t> changed_;          ///< the same: whether the row was set for this index
+  static constexpr std::uint64_t none = ~std::uint64_t{0};
+  std::uint64_t kept_frame_ = none;  ///< the frame of rows and index
+  bool is_kept_ = false;             ///< what has not changed since then is left as it is
+  std::optional<queries::BoxConverter> box_of_;
+  std::size_t owned_ = 0;                 ///< rows with an object
+  std::vector<std::uint32_t> at_border_;  ///< known objects that may belong to another node
+  queries::FramePart part_;               ///< refers to rows_
   QueryAnswers answers_;
   std::size_t next_ = 0;  ///< query
   bool pending_ = false;

@@ -39,7 +39,7 @@ void MessageExchange::receive_sensed(const messages::MessageView& message) {
     std::shared_ptr<const geometry::ShapeTable> shapes(std::shared_ptr<void>(), state_.setup.shapes);
     frame_before_ = std::make_unique<queries::RecordedFrame>(std::move(shapes), std::make_shared<queries::LastOrder>());
   }
-  frame_before_->begin(sensed_.size());
+  (void)frame_before_->begin(sensed_.size(), message.header().frame - 1);
   for (std::uint32_t slot = 0; slot < sensed_.size(); ++slot) {
     const messages::SensedRecord& object = sensed_[slot];
     frame_before_->row(slot) = {object.pose,

@@ -209,7 +209,7 @@ void Cut::end_object(std::uint32_t slot) {
 
 void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
   states_.end_host_owned(slot);
-  ObjectRow& row = state_.objects.row(slot);
+  ObjectRow& row = state_.objects.change_row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
   state_.objects.set_jumped(slot, true);

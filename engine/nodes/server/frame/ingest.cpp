@@ -336,7 +336,7 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
       refuse(session, status, record.object.number);
       continue;
     }
-    ObjectRow& row = objects.row(slot);
+    ObjectRow& row = objects.change_row(slot);
     row.pose = record.pose;
     (void)make_valid(row.pose);  // normalises
     row.object.flags = record.object.flags & messages::flag_present;
@@ -369,7 +369,7 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
       refuse(session, slot == base::NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
       continue;
     }
-    ObjectRow& row = objects.row(slot);
+    ObjectRow& row = objects.change_row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
     objects.set_jumped(slot, (record.object.flags & messages::flag_jumped) != 0);
@@ -428,7 +428,7 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
     if (!current) {
       return refuse(node, Status::bad_message);
     }
-    objects.row(slot).pose = record.pose;
+    objects.change_row(slot).pose = record.pose;
     objects.marks(slot) |= reported_mark;
     relay_.note_position(slot, record.pose.position);
     std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.state(slot));

@@ -34,7 +34,7 @@ void ObjectStates::end_host_owned(std::uint32_t slot) {
   }
   if (const Host* const host = owner(slot)) {
     const std::uint32_t at = host->find(objects.row(slot).object.number);
-    objects.row(slot).pose = (*host)[at].pose;
+    objects.change_row(slot).pose = (*host)[at].pose;
     std::copy_n(host->state(at), objects.state_bytes(), objects.state(slot));
   }
   objects.marks(slot) = static_cast<ObjectMarks>(objects.marks(slot) & ~host_owned_mark);
@@ -52,7 +52,7 @@ void ObjectStates::apply_moves(Host& host) {
     }
     const Hosted& hosted = host[changed[i]];
     const std::uint32_t slot = hosted.object.slot;
-    ObjectRow& row = objects.row(slot);
+    ObjectRow& row = objects.change_row(slot);
     row.pose = hosted.pose;
     row.object.flags = hosted.object.flags & messages::flag_present;
     objects.set_jumped(slot, (hosted.object.flags & messages::flag_jumped) != 0);
@@ -79,7 +79,7 @@ void ObjectStates::store(const PeerSession& node, std::uint64_t frame, const mes
   if ((marks & (host_owned_mark | reported_mark)) != host_owned_mark) {
     return;
   }
-  objects.row(slot).pose = pose;
+  objects.change_row(slot).pose = pose;
   std::copy_n(state, objects.state_bytes(), objects.state(slot));
   bounds_are_stale_ = true;
   if (frame == state_.frame) {

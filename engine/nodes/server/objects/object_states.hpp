@@ -26,8 +26,8 @@ class ObjectStates {
   bool is_in_host(std::uint32_t slot) const noexcept {
     return exchange_.reads_nodes() && (state_.objects.marks(slot) & host_owned_mark) != 0;
   }
-  /// Calls visit(objects, i) for objects of which that is true: object i of RegionObjects `objects`. Between frames.
-  /// An object that its host has only just received may be left out.
+  /// Calls visit(node, objects, i) for objects of which that is true: object i of the RegionObjects of a node. Between
+  /// frames. An object that its host has only just received may be left out.
   template <class Visit>
   void each_in_host(Visit visit) const;
   /// The model's state of the same object.
@@ -84,7 +84,7 @@ void ObjectStates::each_in_host(Visit visit) const {
       const std::uint32_t slot = known.slot(i);
       if (slot < state_.objects.slots() && (state_.objects.marks(slot) & host_owned_mark) != 0 &&
           state_.objects.host(slot) == node.self && state_.objects.numbers()[slot] == known.numbers()[i]) {
-        visit(known, i);
+        visit(node.self.number(), known, i);
       }
     }
   }

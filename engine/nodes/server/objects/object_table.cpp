@@ -18,7 +18,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
 // Calls visit for each list that has an element for each slot.
 template <class Visit>
 void ObjectTable::each_list(Visit visit) {
-  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(marks_), visit(hosts_);
+  visit(rows_), visit(changed_), visit(origins_), visit(numbers_), visit(layers_), visit(marks_), visit(hosts_);
   visit(notified_cells_), visit(bounds_), visit(present_), visit(resting_);
 }
 
@@ -51,7 +51,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     free_.pop_back();
   }
   std::fill_n(state(slot), state_bytes_, std::byte{0});
-  ObjectRow& row = rows_[slot];
+  ObjectRow& row = change_row(slot);
   row.object = {slot, id.generation(), id.number(), spec.enabled ? messages::flag_present : 0u};
   row.pose = spec.pose;
   row.shape = spec.shape.number();
@@ -75,6 +75,7 @@ void ObjectTable::set_group(std::uint32_t slot, std::uint32_t group) {
   }
   if (has_groups_) {
     groups_[slot] = group;
+    changed_[slot] = frame_;
   }
 }
 
@@ -97,14 +98,14 @@ void ObjectTable::keep_notified_bounds() {
 }
 
 void ObjectTable::set_layer(std::uint32_t slot, std::uint8_t layer) noexcept {
-  ObjectRow& row = rows_[slot];
+  ObjectRow& row = change_row(slot);
   row.layer = layer;
   const bool fixed = row.category == static_cast<std::uint16_t>(Category::fixed);
   layers_[slot] = static_cast<std::uint8_t>(layer | (fixed ? broad_phase::fixed_object : std::uint8_t{0}));
 }
 
 void ObjectTable::end(std::uint32_t slot) {
-  ObjectRow& row = rows_[slot];
+  ObjectRow& row = change_row(slot);
   marks_[slot] &= static_cast<ObjectMarks>(~alive_mark);
   row.object.flags = 0;
   index_.erase(row.object.number);

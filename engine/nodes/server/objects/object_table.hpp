@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/frame_stamp.hpp"
 #include "base/number_index.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
@@ -66,9 +67,16 @@ class ObjectTable {
   /// Number of slots in use or used before; the size of all spans.
   std::size_t slots() const noexcept { return rows_.size(); }
   std::size_t live() const noexcept { return index_.size(); }
-  ObjectRow& row(std::uint32_t slot) noexcept { return rows_[slot]; }
   const ObjectRow& row(std::uint32_t slot) const noexcept { return rows_[slot]; }
   std::span<const ObjectRow> rows() const noexcept { return rows_.span(); }
+  /// The row, to change it in this frame.
+  ObjectRow& change_row(std::uint32_t slot) noexcept {
+    changed_[slot] = frame_;
+    return rows_[slot];
+  }
+  /// By slot: the last frame in which its row, its group or jumped_mark has changed. An object that is in the memory of
+  /// its host changes there: see RegionObjects::changed().
+  std::span<const base::FrameStamp> changed() const noexcept { return changed_; }
   ObjectOrigin& origin(std::uint32_t slot) noexcept { return origins_[slot]; }
   const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
   std::span<const ObjectOrigin> origins() const noexcept { return origins_; }
@@ -81,6 +89,7 @@ class ObjectTable {
   /// Sets or clears jumped_mark.
   void set_jumped(std::uint32_t slot, bool jumped) noexcept {
     marks_[slot] = static_cast<ObjectMarks>((marks_[slot] & ~jumped_mark) | (jumped ? jumped_mark : 0));
+    changed_[slot] = frame_;
   }
   /// The object's host; none if it has none.
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
@@ -171,9 +180,11 @@ class ObjectTable {
   void set_group(std::uint32_t slot, std::uint32_t group);
   void set_crowd(std::uint32_t slot, std::uint32_t crowd);
   void set_layer(std::uint32_t slot, std::uint8_t layer) noexcept;
-  void set_shape(std::uint32_t slot, ShapeNumber shape) noexcept { rows_[slot].shape = shape; }
+  void set_shape(std::uint32_t slot, ShapeNumber shape) noexcept { change_row(slot).shape = shape; }
   /// Ends an object; its slot keeps its row until the next settle().
   void end(std::uint32_t slot);
+  /// From now on changes are those of that frame.
+  void begin_frame(std::uint64_t frame) noexcept { frame_ = base::stamp_of(frame); }
   /// Ends the frame's bookkeeping: moved() becomes empty, and slots that ended before this frame may be reused.
   void settle();
 
@@ -205,6 +216,8 @@ class ObjectTable {
 
   std::size_t state_bytes_;
   base::FlatList<ObjectRow> rows_;
+  std::vector<base::FrameStamp> changed_;
+  base::FrameStamp frame_ = 0;
   std::vector<ObjectOrigin> origins_;
   std::vector<ObjectNumber> numbers_;
   std::vector<std::uint8_t> layers_;

@@ -41,7 +41,7 @@ struct Dispatching {
     return received;
   }
   void move(std::uint32_t slot, const Vec3d& position) {
-    ObjectRow& row = objects().row(slot);
+    ObjectRow& row = objects().change_row(slot);
     row.pose.position = position;
     objects().bounds(slot) = state().setup.shapes->bounds(0, row.pose, *state().setup.space);
     objects().mark_moved(slot);

@@ -126,7 +126,7 @@ TEST_CASE("an object that moved, and one that is new, are published in their pre
   relay.publish(false);
   fixture.state().objects.settle();
   fixture.state().frame = 2;
-  fixture.state().objects.row(mover).pose.position = {60, 60, 60};
+  fixture.state().objects.change_row(mover).pose.position = {60, 60, 60};
   fixture.state().objects.mark_moved(mover);
   fixture.add({60, 60, 61}, Endpoint::node(0));
   relay.begin();
