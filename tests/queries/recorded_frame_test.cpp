@@ -34,10 +34,12 @@ FrameObject ball(ObjectNumber number, std::uint32_t slot, double x) {
   return row;
 }
 
-double first_hit(const queries::FramePart& part, const RecordedFrame& frame, double fraction) {
+template <class Part>
+double first_hit(const Part& part, const RecordedFrame& frame, double fraction) {
   queries::ObjectHit best;
   QueryWork work;
-  cast_one(part, {frame.shapes(), fraction}, narrow_phase::Ray::along({}, {100, 0, 0}), best, work);
+  const queries::QueryTime time{0, fraction};
+  cast_one(part, {frame.shapes(), {&time, 1}}, narrow_phase::Ray::along({}, {100, 0, 0}), best, work);
   return best.object == nullptr ? -1 : 100 * best.hit.fraction;
 }
 
