@@ -2,11 +2,13 @@
 
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "geometry/shape_view.hpp"
 #include "geometry/vector.hpp"
 #include "narrow_phase/query/shape_query.hpp"
 #include "queries/box_tree.hpp"
+#include "queries/swept_frames.hpp"
 #include "ringfence/query.hpp"
 
 namespace ringfence::queries {
@@ -29,10 +31,10 @@ struct AskedPoint {
   QueryFilter filter;
 };
 
-/// A time at which queries see the objects, and their shapes.
+/// When the queries of a batch see the objects, and the shapes that these have.
 struct FrameMoment {
   const geometry::ShapeView& shapes;
-  double fraction = 0;  ///< of the way of each object, 0 to 1; see interpolate()
+  std::span<const QueryTime> times{};  ///< by query; of SweptFrames only
 };
 
 // What queries reach in a tree.

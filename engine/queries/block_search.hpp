@@ -7,17 +7,15 @@
 #include <type_traits>
 
 #include "base/flat_list.hpp"
-#include "base/prefetch.hpp"
-#include "geometry/checked_support.hpp"
 #include "queries/asked.hpp"
-#include "queries/frame_part.hpp"
 #include "queries/reached_boxes.hpp"
+#include "queries/test_object.hpp"
 #include "queries/tree_kernels.hpp"
 #include "ringfence/query.hpp"
 
 namespace ringfence::queries {
 
-/// Finds the objects that the queries of a batch have to be tested against.
+/// Finds the objects that the queries of a batch have to be tested against. `Part`: FramePart or SweptFrames.
 ///
 /// Small batches are searched one query after another. Larger ones descend the tree together, in blocks, and then each
 /// query tests what it reaches, the nearest first.
@@ -37,13 +35,13 @@ class BlockSearch {
     all,    ///< all that the query reaches
     near,   ///< of shapes: all that the ball around the shape touches at its start
   };
-  template <class Asked, class Test>
-  void search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
-              QueryWork& work, const Test& test);
-  /// A single query by its reach. `test(object, pose, limit)` as above. `by_distance`: the limit is a distance in
+  template <class Part, class Asked, class Test>
+  void search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted, QueryWork& work,
+              const Test& test);
+  /// Query number `query` by its reach. `test(object, pose, limit)` as above. `by_distance`: the limit is a distance in
   /// metres.
-  template <class Test>
-  void search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
+  template <class Part, class Test>
+  void search_one(const Part& part, const FrameMoment& moment, std::size_t query, const Reach& reach, double limit,
                   const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const;
 
  private:
@@ -54,23 +52,23 @@ class BlockSearch {
     std::uint32_t end;     ///< of its boxes there
     double limit;          ///< a box that is reached later does not count
   };
-  template <class Asked, class Test>
-  void search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+  template <class Part, class Asked, class Test>
+  void search_each(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                    QueryWork& work, const Test& test) const;
-  template <class Asked, class Test>
-  void search_together(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                       std::size_t first, Wanted wanted, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  void search_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+  template <class Part, class Asked, class Test>
+  void search_together(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                       Wanted wanted, QueryWork& work, const Test& test);
+  template <class Part, class Asked, class Test>
+  void search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                             std::size_t first, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  bool search_step(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+  template <class Part, class Asked, class Test>
+  bool search_step(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                    float begin, float end, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  void test_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                          std::size_t first, float begin, QueryWork& work, const Test& test);
-  template <class Asked, class Test>
-  void test_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+  template <class Part, class Asked, class Test>
+  void test_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                          float begin, QueryWork& work, const Test& test);
+  template <class Part, class Asked, class Test>
+  void test_all(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                 QueryWork& work, const Test& test);
   bool reserve(std::size_t queries) noexcept;
 
@@ -87,53 +85,40 @@ class BlockSearch {
   base::FlatList<std::uint32_t> open_;  ///< those of them that have boxes left to test
 };
 
-/// Tests one object that a filter may leave out. Returns the limit from now on.
-template <class Test>
-double test_object(const FramePart& part, const FrameMoment& moment, std::uint32_t box, const QueryFilter& filter,
-                   double limit, QueryWork& work, const Test& test) {
-  const FrameObject& object = part.object(box);
-  if (!admits(filter, object)) return limit;
-  ++work.tests;
-  try {
-    return test(object, part.pose(box, moment.fraction), limit);
-  } catch (const geometry::SupportFailure&) {
-    ++work.failed_supports;
-    return limit;
-  }
-}
-
-template <class Test>
-void BlockSearch::search_one(const FramePart& part, const FrameMoment& moment, const Reach& reach, double limit,
-                             const QueryFilter& filter, QueryWork& work, const Test& test, bool by_distance) const {
+template <class Part, class Test>
+void BlockSearch::search_one(const Part& part, const FrameMoment& moment, std::size_t query, const Reach& reach,
+                             double limit, const QueryFilter& filter, QueryWork& work, const Test& test,
+                             bool by_distance) const {
   struct Context {
-    const FramePart& part;
+    const Part& part;
     const FrameMoment& moment;
+    std::size_t query;
     const QueryFilter& filter;
     QueryWork& work;
     const Test& test;
-  } context{part, moment, filter, work, test};
+  } context{part, moment, query, filter, work, test};
   const VisitBox visit = [](void* of, std::uint32_t box, double most) {
     const Context& c = *static_cast<const Context*>(of);
-    return test_object(c.part, c.moment, box, c.filter, most, c.work, c.test);
+    return test_object(c.part, c.moment, c.query, box, c.filter, most, c.work, c.test);
   };
   work.boxes += (by_distance ? kernels_.near : kernels_.reach)(part.tree(), reach, limit, visit, &context);
 }
 
 /// One after another. `first` is the number of the first query.
-template <class Asked, class Test>
-void BlockSearch::search_each(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked, class Test>
+void BlockSearch::search_each(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                               std::size_t first, QueryWork& work, const Test& test) const {
   for (std::size_t i = 0; i < asked.size(); ++i) {
     const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
       return test(first + i, object, pose, limit);
     };
-    search_one(part, moment, reach_of(part.tree(), asked[i]), 1, asked[i].filter, work, test_one, false);
+    search_one(part, moment, first + i, reach_of(part.tree(), asked[i]), 1, asked[i].filter, work, test_one, false);
   }
 }
 
 /// A block. If it reaches too much for the memory, its halves.
-template <class Asked, class Test>
-void BlockSearch::search_together(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked, class Test>
+void BlockSearch::search_together(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                                   std::size_t first, Wanted wanted, QueryWork& work, const Test& test) {
   if (asked.size() < smallest_batch) {
     search_each(part, moment, asked, first, work, test);
@@ -162,8 +147,8 @@ void BlockSearch::search_together(const FramePart& part, const FrameMoment& mome
 
 /// In two steps, because the tree is searched for all boxes that a query reaches: those behind its first hit are not
 /// searched if that is in the first part of its way.
-template <class Asked, class Test>
-void BlockSearch::search_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked, class Test>
+void BlockSearch::search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                                        std::size_t first, QueryWork& work, const Test& test) {
   constexpr float first_part = 0.375f;
   unanswered_.clear();
@@ -179,8 +164,8 @@ void BlockSearch::search_nearest_first(const FramePart& part, const FrameMoment&
 }
 
 /// Tests what the unanswered queries reach between two fractions. False if they reach too much for the memory.
-template <class Asked, class Test>
-bool BlockSearch::search_step(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked, class Test>
+bool BlockSearch::search_step(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                               std::size_t first, float begin, float end, QueryWork& work, const Test& test) {
   for (std::size_t i = 0; i < unanswered_.size(); ++i) {
     Reach& reach = reached_.reach(i) = reach_of(part.tree(), asked[unanswered_[i].number]);
@@ -199,8 +184,8 @@ bool BlockSearch::search_step(const FramePart& part, const FrameMoment& moment, 
 }
 
 /// In rounds: in each, every query that has boxes left tests the nearest of them.
-template <class Asked, class Test>
-void BlockSearch::test_nearest_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked, class Test>
+void BlockSearch::test_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                                      std::size_t first, float begin, QueryWork& work, const Test& test) {
   open_.clear();
   for (std::uint32_t i = 0; i < unanswered_.size(); ++i) {
@@ -218,17 +203,18 @@ void BlockSearch::test_nearest_first(const FramePart& part, const FrameMoment& m
     std::size_t left = 0;
     const std::size_t last = open_.size() - 1;
     for (std::size_t i = 0; i < open_.size(); ++i) {
-      const auto next_box = [&](std::size_t ahead) {
-        return reached_[unanswered_[open_[std::min(i + ahead, last)]].next].box;
+      const auto later = [&](std::size_t ahead) -> const Open& {
+        return unanswered_[open_[std::min(i + ahead, last)]];
       };
-      part.prefetch_place(next_box(2 * prefetch_distance));
-      base::prefetch_object(part.object(next_box(prefetch_distance)));
+      part.prefetch_place(reached_[later(2 * prefetch_distance).next].box);
+      const Open& soon = later(prefetch_distance);
+      prefetch_at(part, moment, first + soon.number, reached_[soon.next].box);
       Open& query = unanswered_[open_[i]];
       const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
         return test(first + query.number, object, pose, limit);
       };
-      query.limit =
-          test_object(part, moment, reached_[query.next].box, asked[query.number].filter, query.limit, work, test_one);
+      query.limit = test_object(part, moment, first + query.number, reached_[query.next].box,
+                                asked[query.number].filter, query.limit, work, test_one);
       const bool goes_on = ++query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
       open_[left] = open_[i];
       left += goes_on ? 1 : 0;
@@ -238,24 +224,27 @@ void BlockSearch::test_nearest_first(const FramePart& part, const FrameMoment& m
 }
 
 /// In the order of the queries.
-template <class Asked, class Test>
-void BlockSearch::test_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                           std::size_t first, QueryWork& work, const Test& test) {
+template <class Part, class Asked, class Test>
+void BlockSearch::test_all(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                           QueryWork& work, const Test& test) {
   const std::uint32_t last = reached_.end(asked.size() - 1) - 1;
+  std::uint32_t soon = 0;  // the query of the box that is prefetched
   for (std::uint32_t i = 0, next = 0; i < asked.size(); ++i) {
     const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
       return test(first + i, object, pose, limit);
     };
     for (; next != reached_.end(i); ++next) {
+      const std::uint32_t ahead = std::min<std::uint32_t>(next + prefetch_distance, last);
+      while (reached_.end(soon) <= ahead) ++soon;
       part.prefetch_place(reached_[std::min<std::uint32_t>(next + 2 * prefetch_distance, last)].box);
-      base::prefetch_object(part.object(reached_[std::min<std::uint32_t>(next + prefetch_distance, last)].box));
-      test_object(part, moment, reached_[next].box, asked[i].filter, 1, work, test_one);
+      prefetch_at(part, moment, first + soon, reached_[ahead].box);
+      test_object(part, moment, first + i, reached_[next].box, asked[i].filter, 1, work, test_one);
     }
   }
 }
 
-template <class Asked, class Test>
-void BlockSearch::search(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
+template <class Part, class Asked, class Test>
+void BlockSearch::search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
                          QueryWork& work, const Test& test) {
   if (asked.size() < smallest_batch || !reserve(std::min(block, asked.size()))) {
     search_each(part, moment, asked, 0, work, test);

@@ -27,6 +27,12 @@ static_assert(sizeof(FrameObject) == 64);
 /// then normalised, the shorter way. The same bits on every machine.
 Pose interpolate(const Pose& from, const Pose& to, double fraction) noexcept;
 
+/// The cosine of half the angle by which a shape turns on the way between two orientations, 0 to 1.
+double turn_cosine(const Quat& from, const Quat& to) noexcept;
+/// An upper bound of how far a point of a shape is, anywhere on such a way, from the straight line between its places
+/// at both ends, for each metre between the point and the shape's origin.
+double most_bulge(double turn_cosine) noexcept;
+
 /// Whether a query with that filter may find the object.
 constexpr bool admits(const QueryFilter& filter, const FrameObject& object) noexcept {
   return (filter.layers >> object.layer & 1) != 0 && (filter.categories >> object.category & 1) != 0 &&

@@ -24,17 +24,14 @@ Scratch& scratch() {
 
 }  // namespace
 
-void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
-                      const geometry::ShapeTable& shapes, const KnownBounds& known,
-                      std::shared_ptr<const TreeOrder> hint) {
+void FramePart::build(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
+                      const KnownBounds& known, std::shared_ptr<const TreeOrder> hint) {
   rows_ = rows;
-  ends_.assign(ends.begin(), ends.end());
-  const KnownBounds usable = ends_.empty() ? known : KnownBounds{};
-  if (hint != nullptr && build_in(*hint, count, usable)) {
+  if (hint != nullptr && build_in(*hint, count, known)) {
     order_ = std::move(hint);
     return;
   }
-  if (hint != nullptr && usable.rows.empty() && has_same_rows(*hint, rows, count)) {
+  if (hint != nullptr && known.rows.empty() && has_same_rows(*hint, rows, count)) {
     order_ = std::move(hint);
     find_bounds(shapes);
     return;
@@ -42,12 +39,12 @@ void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std:
   if (own_ == nullptr || is_shared_) own_ = std::make_shared<TreeOrder>();
   is_shared_ = false;
   const bool adapted = hint != nullptr && adapt(*hint, rows, count, *own_);
-  finish(adapted, shapes, usable);
+  finish(adapted, shapes, known);
 }
 
 void FramePart::build_again(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
                             const KnownBounds& known) {
-  if (own_ == nullptr || is_shared_ || !is_good()) return build(rows, count, {}, shapes, known, nullptr);
+  if (own_ == nullptr || is_shared_ || !is_good()) return build(rows, count, shapes, known, nullptr);
   rows_ = rows;
   if (build_in(*own_, count, known)) return;
   if (spare_ == nullptr) spare_ = std::make_shared<TreeOrder>();
@@ -104,15 +101,11 @@ void FramePart::find_bounds(const geometry::ShapeTable& shapes) {
   const geometry::FixedSpace space = space_around(origin, rows_, objects);
   base::FlatList<RowBounds>& bounds = scratch().bounds;
   bounds.resize(objects.size());
-  if (ends_.empty()) {
-    find_standing(shapes, space, bounds.data());
-  } else {
-    find_ways(shapes, space, bounds.data());
-  }
+  find_bounds(shapes, space, bounds.data());
   tree_.build(bounds.span(), BoxConverter(space, origin));
 }
 
-void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {
+void FramePart::find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {
   const std::vector<std::uint32_t>& objects = order_->rows;
   constexpr std::size_t batch = 128, ahead = 16;
   std::array<geometry::PlacedShape, batch> placed;
@@ -128,20 +121,6 @@ void FramePart::find_standing(const geometry::ShapeTable& shapes, const geometry
     for (std::size_t i = 0; i < count; ++i) {
       out[first + i] = {bounds[i], margin_of(shapes.row(placed[i].shape))};
     }
-  }
-}
-
-// On its way a shape turns, so its box is that of its bounding ball at both ends.
-void FramePart::find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) {
-  for (std::size_t i = 0; i < order_->rows.size(); ++i) {
-    const std::uint32_t row = order_->rows[i];
-    const Vec3d &from = rows_[row].pose.position, &to = ends_[row].position;
-    const geometry::ShapeRow& shape = shapes.row(rows_[row].shape);
-    const double radius = double{shape.bounding_radius} * (1 + 0x1p-20);
-    const Vec3d ball{radius, radius, radius};
-    out[i] = {space.bounds(Vec3d{std::min(from.x, to.x), std::min(from.y, to.y), std::min(from.z, to.z)} - ball,
-                           Vec3d{std::max(from.x, to.x), std::max(from.y, to.y), std::max(from.z, to.z)} + ball),
-              margin_of(shape)};
   }
 }
 

@@ -25,15 +25,13 @@ namespace ringfence::queries {
 class FramePart {
  public:
   /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
-  /// which must stay as they are. Poses as in narrow_phase::Body. `ends`: where each row's object is on its way to at
-  /// FrameMoment::fraction 1, copied; empty: they stand. `known`: of objects that stand. `hint`: share_order() of a
-  /// part with about the same objects in the same rows, or null; answers do not depend on it.
-  void build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
-             const geometry::ShapeTable& shapes, const KnownBounds& known = {},
-             std::shared_ptr<const TreeOrder> hint = nullptr);
+  /// which must stay as they are. Poses as in narrow_phase::Body. `hint`: share_order() of a part with about the same
+  /// objects in the same rows, or null; answers do not depend on it.
+  void build(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
+             const KnownBounds& known = {}, std::shared_ptr<const TreeOrder> hint = nullptr);
 
-  /// The same for objects that stand, in the order of the build before as long as that is good and was not shared: for
-  /// a part that is built in each frame.
+  /// The same in the order of the build before as long as that is good and was not shared: for a part that is built in
+  /// each frame.
   void build_again(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
                    const KnownBounds& known);
 
@@ -42,18 +40,12 @@ class FramePart {
   std::shared_ptr<const TreeOrder> share_order() noexcept;
 
   std::size_t size() const noexcept { return tree_.size(); }  ///< number of objects
-  /// The objects' bounds, widened by what exact tests allow. The positions of its order are those of object() and
-  /// pose().
+  /// The objects' bounds, widened by what exact tests allow. The positions of its order are those of object().
   const BoxTree& tree() const noexcept { return tree_; }
   /// An object, by its position in the order of the tree.
   const FrameObject& object(std::uint32_t box) const noexcept { return rows_[order_->rows[box]]; }
   /// Prefetches what object() reads of the index; then object() can be prefetched without waiting.
   void prefetch_place(std::uint32_t box) const noexcept { base::prefetch_for_read(&order_->rows[box]); }
-  /// Its pose at a fraction (0 to 1) of its way.
-  Pose pose(std::uint32_t box, double fraction) const noexcept {
-    const std::uint32_t row = order_->rows[box];
-    return ends_.empty() ? rows_[row].pose : interpolate(rows_[row].pose, ends_[row], fraction);
-  }
 
  private:
   bool build_in(const TreeOrder& order, std::size_t count, const KnownBounds& known);
@@ -61,14 +53,12 @@ class FramePart {
   void sort();
   bool is_good() const noexcept;
   void find_bounds(const geometry::ShapeTable& shapes);
-  void find_standing(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
-  void find_ways(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
+  void find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
 
   std::span<const FrameObject> rows_;
   std::shared_ptr<const TreeOrder> order_;
   std::shared_ptr<TreeOrder> own_, spare_;  ///< for sorting; their memory is used again unless it is shared
   bool is_shared_ = false;
-  std::vector<Pose> ends_;  ///< parallel to rows_, or empty
   BoxTree tree_;
 };
 

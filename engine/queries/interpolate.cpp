@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "geometry/vector.hpp"
@@ -24,6 +25,20 @@ Pose interpolate(const Pose& from, const Pose& to, double fraction) noexcept {
   out.orientation = {static_cast<float>(mixed[0] * scale), static_cast<float>(mixed[1] * scale),
                      static_cast<float>(mixed[2] * scale), static_cast<float>(mixed[3] * scale)};
   return out;
+}
+
+double turn_cosine(const Quat& from, const Quat& to) noexcept {
+  const double dot = (double{from.x} * double{to.x} + double{from.y} * double{to.y}) +
+                     (double{from.z} * double{to.z} + double{from.w} * double{to.w});
+  return std::min(std::abs(dot), 1.0);
+}
+
+// A curve whose second derivative is at most m is at most m / 8 from the straight line. With t the tangent of a quarter
+// of the turn, the quaternion of interpolate() turns by at most 2 t for each unit of the fraction, and this speed
+// changes by at most 8 t^3. A point turns twice as fast: its second derivative is at most (4 t)^2 + 16 t^3.
+double most_bulge(double turn_cosine) noexcept {
+  const double squared_tangent = (1 - turn_cosine) / (1 + turn_cosine);
+  return 2 * squared_tangent * (1 + std::sqrt(squared_tangent));
 }
 
 }  // namespace ringfence::queries

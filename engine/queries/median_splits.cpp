@@ -44,15 +44,35 @@ MedianSplits::Range MedianSplits::range_of(std::span<const Point> points) {
 }
 
 void MedianSplits::sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows) {
-  if (rows.size() <= tree_width) return;
   constexpr std::size_t ahead = 16;
-  const Vec3d origin = objects[rows[0]].pose.position;
+  sort_by(
+      [&](std::size_t i) {
+        base::prefetch_for_read(&objects[rows[std::min(i + ahead, rows.size() - 1)]]);
+        return objects[rows[i]].pose.position;
+      },
+      rows);
+}
+
+void MedianSplits::sort(std::span<const RowBounds> bounds, std::vector<std::uint32_t>& rows) {
+  sort_by(
+      [&](std::size_t i) {
+        const geometry::Bounds& box = bounds[rows[i]].bounds;
+        const auto twice_centre = [&](std::size_t a) { return static_cast<double>(std::uint64_t{box.lower[a]} + box.upper[a]); };
+        return Vec3d{twice_centre(0), twice_centre(1), twice_centre(2)};
+      },
+      rows);
+}
+
+/// `place_of(i)`: the place of `rows[i]`.
+template <class PlaceOf>
+void MedianSplits::sort_by(const PlaceOf& place_of, std::vector<std::uint32_t>& rows) {
+  if (rows.size() <= tree_width) return;
   points_.resize(rows.size());
   moved_.resize(rows.size());
   middle_.resize(rows.size() + 1);
+  const Vec3d origin = place_of(0);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    base::prefetch_for_read(&objects[rows[std::min(i + ahead, rows.size() - 1)]]);
-    const Vec3d at = objects[rows[i]].pose.position - origin;
+    const Vec3d at = place_of(i) - origin;
     points_[i] = {
         {static_cast<float>(at.x), static_cast<float>(at.y), static_cast<float>(at.z), std::bit_cast<float>(rows[i])}};
   }

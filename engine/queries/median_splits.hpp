@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "queries/frame_object.hpp"
+#include "queries/tree_box.hpp"
 
 namespace ringfence::queries {
 
@@ -19,14 +20,18 @@ class MedianSplits {
  public:
   /// Sorts `rows`, each of which has an object.
   void sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows);
+  /// The same by the centres of bounds, in a space whose steps have the same size along each axis.
+  void sort(std::span<const RowBounds> bounds, std::vector<std::uint32_t>& rows);
 
  private:
-  /// A place in metres from the first object and the bits of the row's number: four floats, which are one vector.
+  /// A place from that of the first object and the bits of the row's number: four floats, which are one vector.
   struct alignas(16) Point {
     float at[4];
   };
   struct Range;
 
+  template <class PlaceOf>
+  void sort_by(const PlaceOf& place_of, std::vector<std::uint32_t>& rows);
   static Range range_of(std::span<const Point> points);
   void split(std::span<Point> points, Point* room, std::size_t each, std::uint32_t* rows);
   static void divide_few(std::span<const Point> points, std::size_t count, std::size_t axis, Point* out);

@@ -1,6 +1,7 @@
 #include "queries/recorded_frame.hpp"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "base/frame_stamp.hpp"
@@ -9,8 +10,9 @@ namespace ringfence::queries {
 
 std::uint64_t RecordedFrame::begin(std::size_t slots, std::uint64_t number) {
   std::uint64_t kept = std::exchange(number_, none);
-  standing_.built.store(false, std::memory_order_relaxed);
-  moving_.built.store(false, std::memory_order_relaxed);
+  standing_.discard();
+  moving_.discard();
+  if (block_ != nullptr) block_->discard();
   view_ = shapes_->view();
   has_shape_.resize(shapes_->size());
   for (ShapeNumber shape = 0; shape < has_shape_.size(); ++shape) has_shape_[shape] = shapes_->has(shape);
@@ -38,42 +40,27 @@ void RecordedFrame::finish(std::uint64_t number, std::size_t objects) noexcept {
   number_ = number;
 }
 
-template <class Build>
-const FramePart& RecordedFrame::part(LazyPart& lazy, Build build) const {
-  if (!lazy.built.load(std::memory_order_acquire)) {
-    const std::lock_guard lock(building_);
-    if (!lazy.built.load(std::memory_order_relaxed)) {
-      build();
-      lazy.built.store(true, std::memory_order_release);
-    }
-  }
-  return lazy.part;
-}
-
 const FramePart& RecordedFrame::standing() const {
-  return part(standing_, [&] {
-    standing_.part.build(rows_.span(), size_, {}, *shapes_, {bounds_.span(), box_of_ ? &*box_of_ : nullptr, changed_},
-                         order_->get());
+  return standing_.get([&](FramePart& part) {
+    part.build(rows_.span(), size_, *shapes_, {bounds_.span(), box_of_ ? &*box_of_ : nullptr, changed_}, order_->get());
     std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
-    order_->set(standing_.part.share_order());
+    order_->set(part.share_order());
   });
 }
 
-const FramePart& RecordedFrame::moving_to(const RecordedFrame& next) const {
-  return part(moving_, [&] {
-    std::vector<Pose> ends;
-    ends.reserve(rows_.size());
-    for (const FrameObject& row : rows_.span()) ends.push_back(pose_at_end(row, next));
-    moving_.part.build(rows_.span(), size_, ends, *shapes_, {}, order_->get());
+const SweptFrames& RecordedFrame::moving_to(const RecordedFrame& next) const {
+  return moving_.get([&](SweptFrames& part) {
+    const std::array<SweptFrames::Rows, 2> frames{rows(), next.rows()};
+    part.build(number_, frames, *shapes_);
   });
 }
 
-const Pose& RecordedFrame::pose_at_end(const FrameObject& row, const RecordedFrame& next) noexcept {
-  if (row.slot >= next.rows_.size()) return row.pose;
-  const FrameObject& then = next.rows_[row.slot];
-  const bool moves =
-      then.number == row.number && then.generation == row.generation && then.shape == row.shape && then.jumped == 0;
-  return moves ? then.pose : row.pose;
+const SweptFrames& RecordedFrame::swept(std::span<const std::shared_ptr<const RecordedFrame>> frames) const {
+  return block_->get([&](SweptFrames& part) {
+    std::array<SweptFrames::Rows, SweptFrames::most + 1> rows;
+    for (std::size_t i = 0; i < frames.size(); ++i) rows[i] = frames[i]->rows();
+    part.build(frames.front()->number(), std::span(rows).first(frames.size()), *shapes_);
+  });
 }
 
 }  // namespace ringfence::queries

@@ -3,23 +3,26 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/frame_part.hpp"
+#include "queries/lazy_index.hpp"
+#include "queries/swept_frames.hpp"
 
 namespace ringfence::queries {
 
 /// The present objects of one complete frame, as queries read them, with the indexes that its queries have built.
 ///
-/// Two indexes: one of the objects where they stand, and one of their ways to the next frame, for times between the
-/// two. Each is built by the first query that needs it. Rows of objects that have not changed are kept for the next
-/// frame that is recorded here, with their places in the index.
+/// Indexes: one of the objects where they stand; one of their ways to the next frame, for times between the two; and,
+/// if the frame is the last of a block, that of the block. Each is built by the first query that needs it. Rows of
+/// objects that have not changed are kept for the next frame that is recorded here, with their places in the first
+/// index.
 ///
 /// Threads: one thread records, while no reader has pinned the frame; then all const functions by any number of
 /// threads, which wait for each other only while an index is built. Memory: kept between frames; 74 to 102 bytes
@@ -56,6 +59,11 @@ class RecordedFrame {
   /// The frame is complete, with so many present objects.
   void finish(std::uint64_t number, std::size_t objects) noexcept;
 
+  /// The index of a block of frames; null in a frame that is not the last of one. It moves from frame to frame, because
+  /// few frames need its memory. May only be changed while no reader has pinned the frame.
+  using BlockIndex = LazyIndex<SweptFrames>;
+  std::unique_ptr<BlockIndex>& block() noexcept { return block_; }
+
   // Reading.
   std::size_t size() const noexcept { return size_; }  ///< number of objects
   /// By slot; number 0 if the slot has no present object.
@@ -69,7 +77,10 @@ class RecordedFrame {
   /// The objects where they stand. May throw std::bad_alloc.
   const FramePart& standing() const;
   /// The same objects on their way to `next`, which is the frame after this one. May throw std::bad_alloc.
-  const FramePart& moving_to(const RecordedFrame& next) const;
+  const SweptFrames& moving_to(const RecordedFrame& next) const;
+  /// The objects of some frames up to this one, which is the last of a block; the last of `frames` is the one after it.
+  /// If the first call had fewer frames, the result has only these. May throw std::bad_alloc.
+  const SweptFrames& swept(std::span<const std::shared_ptr<const RecordedFrame>> frames) const;
 
   // Readers pin the frame; on any thread.
   void pin() const noexcept { readers_.fetch_add(1, std::memory_order_relaxed); }
@@ -78,17 +89,6 @@ class RecordedFrame {
   bool is_pinned() const noexcept { return readers_.load(std::memory_order_acquire) != 0; }
 
  private:
-  /// An index that the first reader builds.
-  struct LazyPart {
-    FramePart part;
-    std::atomic<bool> built{false};
-  };
-  template <class Build>
-  const FramePart& part(LazyPart& lazy, Build build) const;
-  /// The pose that an object has just before the next frame: that of the next frame, unless it jumps, is absent there
-  /// or has another shape.
-  static const Pose& pose_at_end(const FrameObject& row, const RecordedFrame& next) noexcept;
-
   std::shared_ptr<const geometry::ShapeTable> shapes_;
   std::shared_ptr<LastOrder> order_;
   geometry::ShapeView view_;
@@ -101,8 +101,9 @@ class RecordedFrame {
   base::FlatList<std::uint64_t> user_data_;
   std::vector<std::uint8_t> sources_;
   mutable std::vector<std::uint8_t> changed_;  ///< by slot: 1 if it was set since standing_ was built
-  mutable LazyPart standing_, moving_;
-  mutable std::mutex building_;
+  LazyIndex<FramePart> standing_;
+  LazyIndex<SweptFrames> moving_;
+  std::unique_ptr<BlockIndex> block_;
   mutable std::atomic<std::uint32_t> readers_{0};
 };
 

@@ -23,8 +23,8 @@ bool is_hit(const FrameMoment& moment, const AskedShape& asked, const FrameObjec
 
 }  // namespace
 
-template <class Asked>
-void Searcher::find_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
+template <class Part, class Asked>
+void Searcher::find_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                           std::span<ObjectHit> found, QueryWork& work) {
   search_.search(part, moment, asked, BlockSearch::Wanted::first, work,
                  [&](std::size_t query, const FrameObject& object, const Pose& pose, double most) {
@@ -39,8 +39,8 @@ void Searcher::find_first(const FramePart& part, const FrameMoment& moment, std:
                  });
 }
 
-template <class Asked>
-void Searcher::find_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, ListSink& found,
+template <class Part, class Asked>
+void Searcher::find_all(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, ListSink& found,
                         QueryWork& work) {
   start_lists();
   search_.search(part, moment, asked, BlockSearch::Wanted::all, work,
@@ -54,27 +54,32 @@ void Searcher::find_all(const FramePart& part, const FrameMoment& moment, std::s
   finish_list(found);
 }
 
-void Searcher::cast(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked,
+template <class Part>
+void Searcher::cast(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked,
                     std::span<ObjectHit> found, QueryWork& work) noexcept {
   find_first(part, moment, asked, found, work);
 }
 
-void Searcher::sweep(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked,
+template <class Part>
+void Searcher::sweep(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked,
                      std::span<ObjectHit> found, QueryWork& work) noexcept {
   find_first(part, moment, asked, found, work);
 }
 
-void Searcher::cast_all(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked,
-                        ListSink& found, QueryWork& work) {
+template <class Part>
+void Searcher::cast_all(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked, ListSink& found,
+                        QueryWork& work) {
   find_all(part, moment, asked, found, work);
 }
 
-void Searcher::sweep_all(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked,
+template <class Part>
+void Searcher::sweep_all(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked,
                          ListSink& found, QueryWork& work) {
   find_all(part, moment, asked, found, work);
 }
 
-void Searcher::cast_any(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked,
+template <class Part>
+void Searcher::cast_any(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked,
                         std::span<bool> found, QueryWork& work) noexcept {
   search_.search(part, moment, asked, BlockSearch::Wanted::first, work,
                  [&](std::size_t query, const FrameObject& object, const Pose& pose, double most) {
@@ -84,8 +89,9 @@ void Searcher::cast_any(const FramePart& part, const FrameMoment& moment, std::s
                  });
 }
 
-void Searcher::overlap(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked,
-                       ListSink& found, QueryWork& work) {
+template <class Part>
+void Searcher::overlap(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked, ListSink& found,
+                       QueryWork& work) {
   start_lists();
   std::size_t last = asked.size();
   search_.search(part, moment, asked, BlockSearch::Wanted::near, work,
@@ -139,7 +145,8 @@ void Searcher::finish_list(ListSink& found) {
   list_.clear();
 }
 
-void Searcher::nearest(const FramePart& part, const FrameMoment& moment, std::span<const AskedPoint> asked,
+template <class Part>
+void Searcher::nearest(const Part& part, const FrameMoment& moment, std::span<const AskedPoint> asked,
                        std::span<ObjectPoint> found, QueryWork& work) noexcept {
   for (std::size_t i = 0; i < asked.size(); ++i) {
     ObjectPoint& best = found[i];
@@ -152,9 +159,39 @@ void Searcher::nearest(const FramePart& part, const FrameMoment& moment, std::sp
       }
       return best.object == nullptr ? most : best.nearest.distance;
     };
-    search_.search_one(part, moment, part.tree().reach(wanted.point, wanted.point, {}), wanted.distance, wanted.filter,
-                       work, test, true);
+    search_.search_one(part, moment, i, part.tree().reach(wanted.point, wanted.point, {}), wanted.distance,
+                       wanted.filter, work, test, true);
   }
 }
+
+template void Searcher::cast(const FramePart&, const FrameMoment&, std::span<const AskedRay>, std::span<ObjectHit>,
+                             QueryWork&) noexcept;
+template void Searcher::sweep(const FramePart&, const FrameMoment&, std::span<const AskedShape>, std::span<ObjectHit>,
+                              QueryWork&) noexcept;
+template void Searcher::cast_any(const FramePart&, const FrameMoment&, std::span<const AskedRay>, std::span<bool>,
+                                 QueryWork&) noexcept;
+template void Searcher::nearest(const FramePart&, const FrameMoment&, std::span<const AskedPoint>,
+                                std::span<ObjectPoint>, QueryWork&) noexcept;
+template void Searcher::cast_all(const FramePart&, const FrameMoment&, std::span<const AskedRay>, ListSink&,
+                                 QueryWork&);
+template void Searcher::sweep_all(const FramePart&, const FrameMoment&, std::span<const AskedShape>, ListSink&,
+                                  QueryWork&);
+template void Searcher::overlap(const FramePart&, const FrameMoment&, std::span<const AskedShape>, ListSink&,
+                                QueryWork&);
+
+template void Searcher::cast(const SweptFrames&, const FrameMoment&, std::span<const AskedRay>, std::span<ObjectHit>,
+                             QueryWork&) noexcept;
+template void Searcher::sweep(const SweptFrames&, const FrameMoment&, std::span<const AskedShape>, std::span<ObjectHit>,
+                              QueryWork&) noexcept;
+template void Searcher::cast_any(const SweptFrames&, const FrameMoment&, std::span<const AskedRay>, std::span<bool>,
+                                 QueryWork&) noexcept;
+template void Searcher::nearest(const SweptFrames&, const FrameMoment&, std::span<const AskedPoint>,
+                                std::span<ObjectPoint>, QueryWork&) noexcept;
+template void Searcher::cast_all(const SweptFrames&, const FrameMoment&, std::span<const AskedRay>, ListSink&,
+                                 QueryWork&);
+template void Searcher::sweep_all(const SweptFrames&, const FrameMoment&, std::span<const AskedShape>, ListSink&,
+                                  QueryWork&);
+template void Searcher::overlap(const SweptFrames&, const FrameMoment&, std::span<const AskedShape>, ListSink&,
+                                QueryWork&);
 
 }  // namespace ringfence::queries

@@ -9,6 +9,7 @@
 #include "queries/asked.hpp"
 #include "queries/block_search.hpp"
 #include "queries/frame_part.hpp"
+#include "queries/swept_frames.hpp"
 #include "ringfence/query.hpp"
 
 namespace ringfence::queries {
@@ -34,7 +35,7 @@ class ListSink {
   virtual void add(std::uint32_t query, std::span<const ObjectHit> hits) = 0;
 };
 
-/// Answers batches of queries about the objects of a FramePart.
+/// Answers batches of queries about the objects of a `Part`: of a FramePart or of SweptFrames.
 ///
 /// The answer to a query depends on the query and on the set of objects, not on the other queries, on the order of the
 /// objects, on the form of the index or on the machine: the index only leaves out objects that the query cannot reach,
@@ -48,34 +49,41 @@ class Searcher {
 
   /// Replaces what is in `found` where an object is hit at a smaller fraction (at most 1), or at the same fraction and
   /// its number is smaller.
-  void cast(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked,
-            std::span<ObjectHit> found, QueryWork& work) noexcept;
-  void sweep(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked,
-             std::span<ObjectHit> found, QueryWork& work) noexcept;
+  template <class Part>
+  void cast(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked, std::span<ObjectHit> found,
+            QueryWork& work) noexcept;
+  template <class Part>
+  void sweep(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked, std::span<ObjectHit> found,
+             QueryWork& work) noexcept;
   /// Whether an object is hit.
-  void cast_any(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked,
-                std::span<bool> found, QueryWork& work) noexcept;
+  template <class Part>
+  void cast_any(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked, std::span<bool> found,
+                QueryWork& work) noexcept;
   /// Replaces what is in `found` where an object is nearer, or as near and its number is smaller.
-  void nearest(const FramePart& part, const FrameMoment& moment, std::span<const AskedPoint> asked,
+  template <class Part>
+  void nearest(const Part& part, const FrameMoment& moment, std::span<const AskedPoint> asked,
                std::span<ObjectPoint> found, QueryWork& work) noexcept;
 
   // Lists.
 
   /// The first hit of each object that is hit.
-  void cast_all(const FramePart& part, const FrameMoment& moment, std::span<const AskedRay> asked, ListSink& found,
+  template <class Part>
+  void cast_all(const Part& part, const FrameMoment& moment, std::span<const AskedRay> asked, ListSink& found,
                 QueryWork& work);
-  void sweep_all(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked, ListSink& found,
+  template <class Part>
+  void sweep_all(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked, ListSink& found,
                  QueryWork& work);
   /// Every object that a shape at the start of its path overlaps or touches; of the hit only `triangle` is set.
-  void overlap(const FramePart& part, const FrameMoment& moment, std::span<const AskedShape> asked, ListSink& found,
+  template <class Part>
+  void overlap(const Part& part, const FrameMoment& moment, std::span<const AskedShape> asked, ListSink& found,
                QueryWork& work);
 
  private:
-  template <class Asked>
-  void find_first(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked,
-                  std::span<ObjectHit> found, QueryWork& work);
-  template <class Asked>
-  void find_all(const FramePart& part, const FrameMoment& moment, std::span<const Asked> asked, ListSink& found,
+  template <class Part, class Asked>
+  void find_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::span<ObjectHit> found,
+                  QueryWork& work);
+  template <class Part, class Asked>
+  void find_all(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, ListSink& found,
                 QueryWork& work);
   void start_lists() noexcept;
   void list(std::uint32_t query, const ObjectHit& hit, ListSink& found);

@@ -1,17 +1,20 @@
 // This is a separate program, because it replaces the global operator new. Its worlds have no support shapes, because
 // libccd allocates in each test of such a shape.
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
+#include <vector>
 
 #include <doctest/doctest.h>
 
 #include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
+#include "ringfence/snapshot.hpp"
 #include "ringfence/world.hpp"
 
 namespace {
@@ -155,6 +158,37 @@ TEST_CASE("in steady state a frame with the same queries does not allocate") {
     CHECK(allocations.load() - before == 0);
     CHECK(world.report().recomputed_batches == 0);
     CHECK(batch.answers.cast_all.all().size() > 100);
+  });
+}
+
+TEST_CASE("in steady state a frame with a history that is asked about does not allocate") {
+  constexpr double side = 16;
+  WorldConfig base;
+  base.bounds_max = {side, side, side};
+  base.balance = false;
+  base.motion = std::make_shared<PacingModel>();
+  base.history = 20;
+  in_all_worlds(base, {0u, 2u}, [](const WorldConfig& config) {
+    World world(config);
+    populate(world, 500, 4, side);
+    std::array<Snapshot, 3> kept;
+    std::uint64_t in_frames = 0;
+    std::size_t found = 0;
+    for (std::uint64_t k = 0; k < 120; ++k) {
+      const std::uint64_t before = allocations.load();
+      REQUIRE(world.advance() == Status::ok);
+      if (k >= 70) in_frames += allocations.load() - before;
+      Snapshot& snapshot = kept[k % kept.size()] = world.snapshot();
+      std::vector<RayQuery> rays;
+      for (double frame = static_cast<double>(snapshot.oldest_frame()); frame <= static_cast<double>(k); frame += 0.5) {
+        rays.push_back({.start = {0, 0, 0}, .displacement = {side, side, side}, .frame = frame});
+      }
+      std::vector<Hit> hits(rays.size());
+      snapshot.cast(rays, hits);
+      for (const Hit& hit : hits) found += hit ? 1 : 0;
+    }
+    CHECK(in_frames == 0);
+    CHECK(found > 100);
   });
 }
 

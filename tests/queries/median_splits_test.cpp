@@ -110,5 +110,28 @@ TEST_CASE("objects at one place, far apart and in other orders are divided too")
   check(splits, places, rows);
 }
 
+TEST_CASE("bounds are divided by their centres") {
+  Random random(3);
+  MedianSplits splits;
+  std::vector<Vec3d> places(700);
+  std::vector<queries::RowBounds> bounds(places.size());
+  constexpr double steps = 0x1p23;  // for each metre
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const Vec3d at = places[i] = random.in_cube(100);
+    const double metres[] = {at.x, at.y, at.z};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto centre = static_cast<std::uint32_t>(0x1p31 + metres[a] * steps);
+      const auto half = static_cast<std::uint32_t>(random.uniform(0, 50) * steps);
+      bounds[i].bounds.lower[a] = centre - half;
+      bounds[i].bounds.upper[a] = centre + half;
+    }
+  }
+  std::vector<std::uint32_t> rows = all_of(places.size());
+  splits.sort(bounds, rows);
+  CHECK(is_divided(at_places(places), rows, 512));
+  std::sort(rows.begin(), rows.end());
+  CHECK(rows == all_of(places.size()));
+}
+
 }  // namespace
 }  // namespace ringfence::queries_test

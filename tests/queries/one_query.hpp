@@ -16,16 +16,18 @@ struct Lists final : queries::ListSink {
 };
 
 /// Asks one ray.
-inline void cast_one(const queries::FramePart& part, const queries::FrameMoment& moment, const narrow_phase::Ray& ray,
-                     queries::ObjectHit& best, QueryWork& work) {
+template <class Part>
+void cast_one(const Part& part, const queries::FrameMoment& moment, const narrow_phase::Ray& ray,
+              queries::ObjectHit& best, QueryWork& work) {
   queries::Searcher searcher;
   const queries::AskedRay asked{ray, {}};
   searcher.cast(part, moment, {&asked, 1}, {&best, 1}, work);
 }
 
 /// Asks for the nearest object.
-inline void find_one(const queries::FramePart& part, const queries::FrameMoment& moment, const Vec3d& point,
-                     double distance, queries::ObjectPoint& best, QueryWork& work) {
+template <class Part>
+void find_one(const Part& part, const queries::FrameMoment& moment, const Vec3d& point, double distance,
+              queries::ObjectPoint& best, QueryWork& work) {
   queries::Searcher searcher;
   const queries::AskedPoint asked{point, distance, {}};
   searcher.nearest(part, moment, {&asked, 1}, {&best, 1}, work);

@@ -34,10 +34,12 @@ FrameObject ball(ObjectNumber number, std::uint32_t slot, double x) {
   return row;
 }
 
-double first_hit(const queries::FramePart& part, const RecordedFrame& frame, double fraction) {
+template <class Part>
+double first_hit(const Part& part, const RecordedFrame& frame, double fraction) {
   queries::ObjectHit best;
   QueryWork work;
-  cast_one(part, {frame.shapes(), fraction}, narrow_phase::Ray::along({}, {100, 0, 0}), best, work);
+  const queries::QueryTime time{0, fraction};
+  cast_one(part, {frame.shapes(), {&time, 1}}, narrow_phase::Ray::along({}, {100, 0, 0}), best, work);
   return best.object == nullptr ? -1 : 100 * best.hit.fraction;
 }
 
@@ -104,8 +106,9 @@ TEST_CASE("a frame that is recorded again keeps the rows that are not set, and f
       const narrow_phase::Ray ray = narrow_phase::Ray::along(random.in_cube(15), random.in_cube(30));
       queries::ObjectHit found, right;
       QueryWork work;
-      cast_one(again.standing(), {again.shapes(), 0}, ray, found, work);
-      cast_one(fresh.standing(), {fresh.shapes(), 0}, ray, right, work);
+      const queries::QueryTime present{};
+      cast_one(again.standing(), {again.shapes(), {&present, 1}}, ray, found, work);
+      cast_one(fresh.standing(), {fresh.shapes(), {&present, 1}}, ray, right, work);
       REQUIRE((found.object == nullptr) == (right.object == nullptr));
       if (found.object == nullptr) continue;
       REQUIRE(found.object->number == right.object->number);

@@ -2,11 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 #include "facade/queries/frame_recorder.hpp"
 
 namespace ringfence::facade {
+namespace {
+
+constexpr std::uint64_t block_frames = queries::SweptFrames::most;
+
+}  // namespace
 
 PinnedFrames::PinnedFrames(Frames frames) : frames_(std::move(frames)) {
   for (const auto& frame : frames_) frame->pin();
@@ -28,6 +34,16 @@ Status PinnedFrames::find(double number, Moment& moment) const noexcept {
   return Status::ok;
 }
 
+const queries::SweptFrames* PinnedFrames::swept(std::uint64_t number) const {
+  const std::uint64_t begin = number - number % block_frames, end = begin + block_frames;
+  if (end > last().number()) return nullptr;
+  // The first ones may have expired.
+  const std::uint64_t first = std::max(begin, this->first().number());
+  const std::span frames = std::span(frames_).subspan(first - this->first().number(), end - first + 1);
+  const queries::SweptFrames& swept = frames[frames.size() - 2]->swept(frames);
+  return swept.covers(number) ? &swept : nullptr;
+}
+
 void FrameStore::record(const nodes::ServerRole& server, std::uint64_t number) {
   if (has(number)) return;
   // Without a history only the last frame is kept. A gap ends the history: queries between two frames need both.
@@ -40,6 +56,7 @@ void FrameStore::record(const nodes::ServerRole& server, std::uint64_t number) {
   const std::shared_ptr<queries::RecordedFrame> frame = take_free();
   // Of the frames of a history, few are asked about while they are the last.
   record_frame(server, number, !keeps_history(), *frame);
+  if (keeps_history()) move_block(number, *frame);
   kept_.push_back(frame);
 }
 
@@ -49,6 +66,22 @@ std::shared_ptr<queries::RecordedFrame> FrameStore::take_free() {
   std::shared_ptr<queries::RecordedFrame> frame = std::move(*found);
   free_.erase(found);
   return frame;
+}
+
+/// Gives an index of a block to a frame that is the last of one, and takes it from others.
+void FrameStore::move_block(std::uint64_t number, queries::RecordedFrame& frame) {
+  const bool ends_block = number % block_frames == block_frames - 1;
+  std::unique_ptr<queries::RecordedFrame::BlockIndex>& block = frame.block();
+  if (ends_block == (block != nullptr)) return;
+  if (!ends_block) {
+    free_blocks_.push_back(std::move(block));
+  } else if (free_blocks_.empty()) {
+    block = std::make_unique<queries::RecordedFrame::BlockIndex>();
+  } else {
+    block = std::move(free_blocks_.back());
+    block->discard();
+    free_blocks_.pop_back();
+  }
 }
 
 std::shared_ptr<const PinnedFrames> FrameStore::pin() {

@@ -36,12 +36,17 @@ class PinnedFrames {
   /// Returns frame_expired if the frame is older than the history; bad_number if it is newer than the last frame, or
   /// not a number.
   Status find(double number, Moment& moment) const noexcept;
+  /// An index of several frames that covers `number`, the number of one of these frames; null if there is none, because
+  /// its block of frames is not complete. Builds it if this is the first query that needs it. May throw std::bad_alloc.
+  const queries::SweptFrames* swept(std::uint64_t number) const;
 
  private:
   Frames frames_;
 };
 
 /// The frames of a World that queries can ask about, and memory for the next ones.
+///
+/// Blocks are the frames 0 to 7, 8 to 15 and so on. A block is complete when the frame after it has been recorded.
 ///
 /// Threads: the one that calls World. Readers on other threads share ownership of their frames, which may outlive the
 /// World. Memory: WorldConfig::history + 1 frames, and as many more as readers pin.
@@ -69,13 +74,15 @@ class FrameStore {
 
  private:
   std::shared_ptr<queries::RecordedFrame> take_free();
+  void move_block(std::uint64_t number, queries::RecordedFrame& frame);
 
   std::shared_ptr<const geometry::ShapeTable> shapes_;
   std::shared_ptr<queries::LastOrder> order_ = std::make_shared<queries::LastOrder>();
   std::size_t history_;
   std::vector<std::shared_ptr<queries::RecordedFrame>> kept_;  ///< in order of number, without gaps
   std::vector<std::shared_ptr<queries::RecordedFrame>> free_;  ///< no longer kept; readers may have pinned them
-  std::weak_ptr<const PinnedFrames> pinned_;                   ///< of the last frame, as long as a reader has it
+  std::vector<std::unique_ptr<queries::RecordedFrame::BlockIndex>> free_blocks_;
+  std::weak_ptr<const PinnedFrames> pinned_;  ///< of the last frame, as long as a reader has it
 };
 
 }  // namespace ringfence::facade

@@ -9,12 +9,13 @@ namespace ringfence::facade {
 
 QueryTarget find_target(const PinnedFrames* frames, const QueryFrame& wanted) noexcept try {
   if (frames == nullptr) return {Status::out_of_order};
-  if (!wanted) return {Status::ok, &frames->last(), &frames->last().standing(), 0};
+  if (!wanted) return {Status::ok, &frames->last(), &frames->last().standing()};
   PinnedFrames::Moment moment;
   if (const Status status = frames->find(*wanted, moment); status != Status::ok) return {status};
-  const queries::FramePart& part =
-      moment.next == nullptr ? moment.frame->standing() : moment.frame->moving_to(*moment.next);
-  return {Status::ok, moment.frame, &part, moment.fraction};
+  const queries::SweptFrames* swept = frames->swept(moment.frame->number());
+  if (swept == nullptr && moment.next != nullptr) swept = &moment.frame->moving_to(*moment.next);
+  if (swept == nullptr) return {Status::ok, moment.frame, &moment.frame->standing()};
+  return {Status::ok, moment.frame, nullptr, swept, swept->time(moment.frame->number(), moment.fraction)};
 } catch (const std::bad_alloc&) {
   return {Status::out_of_memory};
 }

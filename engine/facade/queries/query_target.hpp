@@ -11,21 +11,25 @@
 
 namespace ringfence::facade {
 
-/// The frame that a query asks about, with the index that answers it.
+/// The frame that a query asks about, with the index that answers it: of the objects of the frame, or of several
+/// frames.
 struct QueryTarget {
   Status status = Status::ok;
   const queries::RecordedFrame* frame = nullptr;
-  const queries::FramePart* part = nullptr;
-  double fraction = 0;
+  const queries::FramePart* standing = nullptr;  ///< or null
+  const queries::SweptFrames* swept = nullptr;   ///< if `standing` is null
+  queries::QueryTime time{};                     ///< of `swept`
 
-  queries::FrameMoment moment() const noexcept { return {frame->shapes(), fraction}; }
+  bool has_index_of(const QueryTarget& other) const noexcept {
+    return standing == other.standing && swept == other.swept;
+  }
 };
 
 /// `frames` may be null: out_of_order. Builds the index if this is the first query that needs it.
 QueryTarget find_target(const PinnedFrames* frames, const QueryFrame& wanted) noexcept;
 
-/// The order in which a batch is answered: queries about the same time follow each other. Any thread; kept to be used
-/// again. May throw std::bad_alloc.
+/// The order in which a batch is answered: that of the frames, so that queries with the same index follow each other.
+/// Any thread; kept to be used again. May throw std::bad_alloc.
 class FrameOrder {
  public:
   template <class Query>

@@ -21,20 +21,17 @@ using queries::AskedRay;
 using queries::AskedShape;
 using queries::ObjectHit;
 using queries::ObjectPoint;
+using queries::RecordedFrame;
 using queries::Searcher;
 
-template <class Found>
-void set(Hit& hit, const QueryTarget& target, const Found& found) noexcept {
-  queries::set(hit, *target.frame, found);
-}
+using queries::set;
+void set(AnyHit& hit, const RecordedFrame&, bool found) noexcept { hit.hit = found; }
 
 template <class Found>
-void prefetch(const QueryTarget& target, const Found& found) noexcept {
-  if (found.object != nullptr) target.frame->prefetch_user_data(found.object->slot);
+void prefetch(const RecordedFrame& frame, const Found& found) noexcept {
+  if (found.object != nullptr) frame.prefetch_user_data(found.object->slot);
 }
-void prefetch(const QueryTarget&, bool) noexcept {}
-
-void set(AnyHit& hit, const QueryTarget&, bool found) noexcept { hit.hit = found; }
+void prefetch(const RecordedFrame&, bool) noexcept {}
 
 /// A hit in the list of a query.
 struct ListOrder {
@@ -47,26 +44,38 @@ struct ListOrder {
   }
 };
 
+/// The queries of a block that are answered together.
+struct Block {
+  std::vector<std::uint32_t> numbers;        ///< in the caller's batch
+  std::vector<const RecordedFrame*> frames;  ///< that they ask about
+  std::vector<queries::QueryTime> times;     ///< of those that SweptFrames answer
+
+  void clear() {
+    numbers.clear();
+    frames.clear();
+    times.clear();
+  }
+};
+
 /// Puts the lists of a block in order, and writes them to the caller's.
 class HitListSink final : public queries::ListSink {
  public:
-  HitListSink(const QueryTarget& target, std::span<const std::uint32_t> numbers, std::vector<ListOrder>& order,
-              HitLists& lists)
-      : target_(target), numbers_(numbers), order_(order), lists_(lists) {}
+  HitListSink(const Block& block, std::vector<ListOrder>& order, HitLists& lists)
+      : block_(block), order_(order), lists_(lists) {}
 
   void add(std::uint32_t query, std::span<const ObjectHit> hits) override {
+    const RecordedFrame& frame = *block_.frames[query];
     order_.clear();
     for (std::uint32_t i = 0; i < hits.size(); ++i) {
       order_.push_back({hits[i].hit.fraction, hits[i].object->number, i});
-      target_.frame->prefetch_user_data(hits[i].object->slot);
+      frame.prefetch_user_data(hits[i].object->slot);
     }
     std::sort(order_.begin(), order_.end());
-    for (const ListOrder& next : order_) set(lists_.add(numbers_[query]), target_, hits[next.index]);
+    for (const ListOrder& next : order_) set(lists_.add(block_.numbers[query]), frame, hits[next.index]);
   }
 
  private:
-  const QueryTarget& target_;
-  std::span<const std::uint32_t> numbers_;
+  const Block& block_;
   std::vector<ListOrder>& order_;
   HitLists& lists_;
 };
@@ -76,8 +85,8 @@ class HitListSink final : public queries::ListSink {
 template <class Asked>
 struct Workspace {
   facade::FrameOrder order;
-  std::vector<std::uint32_t> numbers;  ///< of the queries of a block
-  std::vector<Asked> asked;            ///< a block
+  Block block;
+  std::vector<Asked> asked;  ///< of the block
   base::FlatList<ObjectHit> hits;
   base::FlatList<ObjectPoint> points;
   base::FlatList<bool> any;
@@ -102,60 +111,70 @@ Workspace<Asked>& workspace() {
   return mine;
 }
 
-/// Calls `answer(target)` for each block of valid queries about the same time, which are then in `space`.
+/// Calls `answer(part, moment)` for each block of valid queries with the same index, which are then in `space`.
 /// `refuse(query, status)` receives the others.
 template <class Asked, class Query, class Answer, class Refuse>
 void for_each_block(const PinnedFrames* frames, std::span<const Query> queries, Workspace<Asked>& space,
                     const Answer& answer, const Refuse& refuse) {
-  constexpr std::size_t block = 4096;
+  constexpr std::size_t most = 4096;
   QueryTarget target;
   const QueryFrame* about = nullptr;
-  space.asked.clear();
-  space.numbers.clear();
-  const auto finish = [&] {
-    if (!space.asked.empty()) answer(target);
+  const auto clear = [&] {
     space.asked.clear();
-    space.numbers.clear();
+    space.block.clear();
   };
+  const auto finish = [&] {
+    if (!space.asked.empty()) {
+      // The last frame has the shapes of the others too.
+      const queries::FrameMoment moment{frames->last().shapes(), space.block.times};
+      target.standing != nullptr ? answer(*target.standing, moment) : answer(*target.swept, moment);
+    }
+    clear();
+  };
+  clear();
   space.order.set(queries);
   for (std::size_t next = 0; next < queries.size(); ++next) {
     const std::size_t i = space.order[next];
-    if (about == nullptr || queries[i].frame != *about || space.asked.size() == block) {
-      finish();
+    if (about == nullptr || queries[i].frame != *about) {
       about = &queries[i].frame;
-      target = find_target(frames, *about);
+      const QueryTarget then = find_target(frames, *about);
+      if (!then.has_index_of(target)) finish();
+      target = then;
     }
+    if (space.asked.size() == most) finish();
     Asked asked;
     const Status status = target.status != Status::ok ? target.status : nodes::check(queries[i], *target.frame, asked);
-    if (status == Status::ok) {
-      space.asked.push_back(asked);
-      space.numbers.push_back(static_cast<std::uint32_t>(i));
-    } else {
+    if (status != Status::ok) {
       refuse(i, status);
+      continue;
     }
+    space.asked.push_back(asked);
+    space.block.numbers.push_back(static_cast<std::uint32_t>(i));
+    space.block.frames.push_back(target.frame);
+    space.block.times.push_back(target.time);
   }
   finish();
 }
 
-/// A batch with one answer for each query: `(searcher.*search)(...)` finds them.
-template <class Asked, class Query, class Answer, class Found>
+/// A batch with one answer for each query: `search(part, moment, asked, found, work)` finds them.
+template <class Asked, class Found, class Query, class Answer, class Search>
 void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std::span<Answer> answers, QueryWork* work,
-                 void (Searcher::*search)(const queries::FramePart&, const queries::FrameMoment&,
-                                          std::span<const Asked>, std::span<Found>, QueryWork&) noexcept) noexcept try {
+                 const Search& search) noexcept try {
   const base::DefaultFloatingPoint floating_point;
   Workspace<Asked>& space = workspace<Asked>();
   base::FlatList<Found>& found = space.found(answers.data(), static_cast<const Asked*>(nullptr));
   QueryWork done;
   done.queries = queries.size();
-  const auto answer_block = [&](const QueryTarget& target) {
+  const auto answer_block = [&](const auto& part, const queries::FrameMoment& moment) {
     found.resize(space.asked.size());
     std::fill(found.begin(), found.end(), Found());
-    (searcher().*search)(*target.part, target.moment(), space.asked, {found.data(), found.size()}, done);
-    for (const Found& one : found) prefetch(target, one);
-    for (std::size_t i = 0; i < space.asked.size(); ++i) {
-      Answer& answer = answers[space.numbers[i]];
+    search(part, moment, std::span<const Asked>(space.asked), std::span<Found>(found.data(), found.size()), done);
+    const Block& block = space.block;
+    for (std::size_t i = 0; i < found.size(); ++i) prefetch(*block.frames[i], found[i]);
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      Answer& answer = answers[block.numbers[i]];
       answer = {};
-      set(answer, target, found[i]);
+      set(answer, *block.frames[i], found[i]);
     }
   };
   for_each_block(frames, queries, space, answer_block, [&](std::size_t query, Status status) {
@@ -170,19 +189,19 @@ void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std
   }
 }
 
-/// A batch with a list for each query, in order of (fraction, number); `(searcher.*search)(...)` appends the hits.
-template <class Asked, class Query>
+/// A batch with a list for each query, in order of (fraction, number); `search(part, moment, asked, sink, work)`
+/// appends the hits.
+template <class Asked, class Query, class Search>
 void list_each(const PinnedFrames* frames, std::span<const Query> queries, HitLists& lists, QueryWork* work,
-               void (Searcher::*search)(const queries::FramePart&, const queries::FrameMoment&, std::span<const Asked>,
-                                        queries::ListSink&, QueryWork&)) {
+               const Search& search) {
   const base::DefaultFloatingPoint floating_point;
   Workspace<Asked>& space = workspace<Asked>();
   QueryWork done;
   done.queries = queries.size();
   lists.start(queries.size());
-  const auto answer_block = [&](const QueryTarget& target) {
-    HitListSink sink(target, space.numbers, space.list, lists);
-    (searcher().*search)(*target.part, target.moment(), space.asked, sink, done);
+  HitListSink sink(space.block, space.list, lists);
+  const auto answer_block = [&](const auto& part, const queries::FrameMoment& moment) {
+    search(part, moment, std::span<const Asked>(space.asked), sink, done);
   };
   for_each_block(frames, queries, space, answer_block,
                  [&](std::size_t query, Status status) { lists.set_status(query, status); });
@@ -196,25 +215,26 @@ std::uint64_t Snapshot::oldest_frame() const noexcept { return frames_->first().
 std::size_t Snapshot::objects() const noexcept { return frames_ == nullptr ? 0 : frames_->last().size(); }
 
 void Snapshot::cast(std::span<const RayQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each(frames_.get(), queries, hits, work, &Searcher::cast);
+  answer_each<AskedRay, ObjectHit>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().cast(of...); });
 }
 void Snapshot::cast_any(std::span<const RayQuery> queries, std::span<AnyHit> hits, QueryWork* work) const noexcept {
-  answer_each(frames_.get(), queries, hits, work, &Searcher::cast_any);
+  answer_each<AskedRay, bool>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().cast_any(of...); });
 }
 void Snapshot::cast_all(std::span<const RayQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each(frames_.get(), queries, hits, work, &Searcher::cast_all);
+  list_each<AskedRay>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().cast_all(of...); });
 }
 void Snapshot::sweep(std::span<const SweepQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each(frames_.get(), queries, hits, work, &Searcher::sweep);
+  answer_each<AskedShape, ObjectHit>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().sweep(of...); });
 }
 void Snapshot::sweep_all(std::span<const SweepQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each(frames_.get(), queries, hits, work, &Searcher::sweep_all);
+  list_each<AskedShape>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().sweep_all(of...); });
 }
 void Snapshot::overlap(std::span<const OverlapQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each(frames_.get(), queries, hits, work, &Searcher::overlap);
+  list_each<AskedShape>(frames_.get(), queries, hits, work, [](auto&&... of) { searcher().overlap(of...); });
 }
 void Snapshot::nearest(std::span<const NearestQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each(frames_.get(), queries, hits, work, &Searcher::nearest);
+  answer_each<AskedPoint, ObjectPoint>(frames_.get(), queries, hits, work,
+                                       [](auto&&... of) { searcher().nearest(of...); });
 }
 
 }  // namespace ringfence

@@ -92,15 +92,15 @@ Hit HostSenses::Around::first(const Query& query, Search search) const noexcept 
 }
 
 Hit HostSenses::Around::cast(const RayQuery& query) const noexcept {
-  return first<AskedRay, ObjectHit>(query, &queries::Searcher::cast);
+  return first<AskedRay, ObjectHit>(query, &queries::Searcher::cast<FramePart>);
 }
 
 Hit HostSenses::Around::sweep(const SweepQuery& query) const noexcept {
-  return first<AskedShape, ObjectHit>(query, &queries::Searcher::sweep);
+  return first<AskedShape, ObjectHit>(query, &queries::Searcher::sweep<FramePart>);
 }
 
 Hit HostSenses::Around::nearest(const NearestQuery& query) const noexcept {
-  return first<AskedPoint, ObjectPoint>(query, &queries::Searcher::nearest);
+  return first<AskedPoint, ObjectPoint>(query, &queries::Searcher::nearest<FramePart>);
 }
 
 AnyHit HostSenses::Around::cast_any(const RayQuery& query) const noexcept try {

@@ -1,7 +1,10 @@
 // Snapshots keep what has not changed since an earlier one: against brute force, in worlds in which most objects rest.
+#include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -48,6 +51,7 @@ void run(const WorldConfig& config, unsigned seed, Prepare prepare) {
   REQUIRE(world.advance() == Status::ok);
   std::mt19937 random(seed);
   std::deque<Snapshot> kept;
+  std::map<std::uint64_t, std::pair<Queries, Answers>> then;  // by frame
   for (int frame = 1; frame < 40; ++frame) {
     CAPTURE(frame);
     if (random() % 2 == 0) script.make_requests();
@@ -64,6 +68,13 @@ void run(const WorldConfig& config, unsigned seed, Prepare prepare) {
       const Answers right = AllObjects(world).answer(queries);
       if (attached) REQUIRE((answers_of(batch) == right));
       if (asked) REQUIRE((answer(kept.back(), queries) == right));
+      then[world.report().frame] = {queries, right};
+    }
+    if (asked && config.history != 0) {
+      const std::uint64_t oldest = kept.back().oldest_frame();
+      const auto earlier = then.lower_bound(oldest + random() % (kept.back().frame() - oldest + 1));
+      const auto& [wanted, right] = earlier->second;
+      REQUIRE((answer(kept.back(), about(wanted, static_cast<double>(earlier->first))) == right));
     }
     while (kept.size() > random() % 4) kept.pop_front();
   }
@@ -84,6 +95,14 @@ TEST_CASE("a snapshot is right when most rows are kept, while objects rest, chan
         REQUIRE(world.resize(1 + (config.nodes + static_cast<std::uint32_t>(frame)) % 5) == Status::ok);
       });
     }
+  });
+}
+
+TEST_CASE("frames of a history are right when most rows are kept") {
+  WorldConfig base = resting_world();
+  base.history = 19;
+  in_all_worlds(base, {0u, 3u}, [](const WorldConfig& config) {
+    for (const unsigned seed : {4u, 5u}) run(config, seed, [](World&, int) {});
   });
 }
 

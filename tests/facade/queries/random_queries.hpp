@@ -82,6 +82,17 @@ inline Queries about(Queries queries, QueryFrame frame) {
   return queries;
 }
 
+/// The same queries, each about one of some frames.
+inline Queries about_any(Queries queries, std::span<const double> frames, unsigned seed) {
+  std::mt19937_64 random(seed);
+  const auto any = [&] { return frames[random() % frames.size()]; };
+  for (RayQuery& query : queries.rays) query.frame = any();
+  for (SweepQuery& query : queries.sweeps) query.frame = any();
+  for (OverlapQuery& query : queries.overlaps) query.frame = any();
+  for (NearestQuery& query : queries.nearest) query.frame = any();
+  return queries;
+}
+
 /// Answers all queries: those with lists as lists in their order, each followed by an empty hit.
 inline Answers answer(const Snapshot& snapshot, const Queries& queries, QueryWork* work = nullptr) {
   Answers out;
