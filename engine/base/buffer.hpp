@@ -8,9 +8,7 @@
 #include <type_traits>
 #include <utility>
 
-#ifdef __linux__
-#include <sys/mman.h>
-#endif
+#include "base/system_memory.hpp"
 
 namespace ringfence::base {
 
@@ -22,8 +20,8 @@ enum class Pages : unsigned char {
 
 /// An array of trivially copyable elements that grows and never shrinks. New elements are not initialised.
 ///
-/// Arrays of at least 1 MiB are aligned for huge pages of 2 MiB and request them from the system: a million objects are
-/// accessed in an order that causes many TLB misses with small pages. Whatever an array occupies beyond its last whole
+/// Arrays of at least 1 MiB come from the system (allocate_from_system) and request huge pages of 2 MiB: a million
+/// objects are accessed in an order that causes many TLB misses with small pages. Whatever an array occupies beyond its last whole
 /// huge page is in small pages, unless a huge page would waste at most an eighth of itself; so a world of 64,000
 /// objects, most of whose arrays have 1 to 6 MB, does not pay for half a huge page per array. The functions that grow
 /// throw std::bad_alloc.
@@ -68,25 +66,22 @@ class Buffer {
   const T& operator[](std::size_t i) const noexcept { return first_[i]; }
 
  private:
-  static constexpr std::size_t huge_page = std::size_t{2} << 20;
-
-  static std::align_val_t alignment(std::size_t bytes) {
-    return std::align_val_t{bytes >= huge_page / 2 ? huge_page : std::size_t{64}};
-  }
   void allocate(std::size_t count, Pages pages = Pages::huge) {
     const std::size_t needed = count * sizeof(T);
     const std::size_t huge = (needed + huge_page / 8) / huge_page * huge_page;
-    const std::size_t bytes = std::max(huge, (needed + 63) / 64 * 64);
-    first_ = static_cast<T*>(::operator new(bytes, alignment(bytes)));
-    bytes_ = bytes;
-    capacity_ = bytes / sizeof(T);
+    bytes_ = std::max(huge, (needed + 63) / 64 * 64);
+    first_ = static_cast<T*>(bytes_ >= least_system_bytes ? allocate_from_system(bytes_)
+                                                          : ::operator new(bytes_, std::align_val_t{64}));
+    capacity_ = bytes_ / sizeof(T);
 #ifdef __linux__
     // Only advice: without huge pages everything works, but slower.
     if (huge != 0 && pages == Pages::huge) (void)madvise(first_, huge, MADV_HUGEPAGE);
 #endif
   }
   void release() noexcept {
-    if (first_ != nullptr) ::operator delete(first_, alignment(bytes_));
+    if (first_ != nullptr) {
+      bytes_ >= least_system_bytes ? free_to_system(first_, bytes_) : ::operator delete(first_, std::align_val_t{64});
+    }
     first_ = nullptr;
     capacity_ = 0;
   }
