@@ -295,6 +295,7 @@ void ContactLedger::start_output() {
   List& gone = ended();
   list.resize(size_);
   gone.resize(ends_);
+  output_merge_->size = size_;
   output_merge_->contacts = list.contacts.data();
   output_merge_->keys = list.keys.data();
   output_merge_->found = list.found.data();
