@@ -59,6 +59,12 @@ class Buffer {
     *this = std::move(larger);
   }
 
+  /// Returns the whole pages of the elements [first, end) to the system. These elements lose their values, and occupy
+  /// memory again when they are written.
+  void release_pages(std::size_t first, std::size_t end) noexcept {
+    base::release_pages(first_ + first, (end - first) * sizeof(T));
+  }
+
   T* data() noexcept { return first_; }
   const T* data() const noexcept { return first_; }
   std::size_t capacity() const noexcept { return capacity_; }

@@ -41,6 +41,11 @@ class FlatList {
     size_ = size;
   }
 
+  /// Gives the pages of the elements [first, end) back to the system; these elements lose their values.
+  void release_pages(std::size_t first, std::size_t end) noexcept { buffer_.release_pages(first, end); }
+  /// The same for the elements that are reserved and not used.
+  void release_unused_pages() noexcept { buffer_.release_pages(size_, buffer_.capacity()); }
+
   T* data() noexcept { return buffer_.data(); }
   const T* data() const noexcept { return buffer_.data(); }
   T& operator[](std::size_t i) noexcept { return buffer_[i]; }

@@ -10,6 +10,7 @@
 
 namespace ringfence::base {
 
+inline constexpr std::size_t system_page = 4096;
 inline constexpr std::size_t huge_page = std::size_t{2} << 20;
 /// Arrays of at least this size take their memory from the system, not from the heap.
 inline constexpr std::size_t least_system_bytes = huge_page / 2;
@@ -27,8 +28,7 @@ inline void* allocate_from_system(std::size_t bytes) {
   }
   auto* const begin = static_cast<std::byte*>(memory);
   const std::size_t before = (huge_page - reinterpret_cast<std::size_t>(begin) % huge_page) % huge_page;
-  constexpr std::size_t page = 4096;
-  const std::size_t used = (bytes + page - 1) / page * page;
+  const std::size_t used = (bytes + system_page - 1) / system_page * system_page;
   if (before != 0) {
     (void)munmap(begin, before);
   }
@@ -49,6 +49,22 @@ inline void free_to_system(void* memory, std::size_t bytes) noexcept {
   (void)munmap(memory, bytes);
 #else
   ::operator delete(memory, std::align_val_t{huge_page});
+  (void)bytes;
+#endif
+}
+
+/// Returns the whole pages of an array, or of a part of it, to the system. Their bytes become unspecified; the memory
+/// stays allocated, and occupies pages again when it is written.
+inline void release_pages(void* memory, std::size_t bytes) noexcept {
+#ifdef __linux__
+  const auto begin = reinterpret_cast<std::size_t>(memory);
+  const std::size_t first = (begin + system_page - 1) / system_page * system_page;
+  const std::size_t end = (begin + bytes) / system_page * system_page;
+  if (first < end) {
+    (void)madvise(static_cast<std::byte*>(memory) + (first - begin), end - first, MADV_DONTNEED);
+  }
+#else
+  (void)memory;
   (void)bytes;
 #endif
 }
