@@ -34,11 +34,13 @@ class Buffer {
   Buffer(Buffer&& other) noexcept
       : first_(std::exchange(other.first_, nullptr)),
         capacity_(std::exchange(other.capacity_, 0)),
-        bytes_(std::exchange(other.bytes_, 0)) {}
+        bytes_(std::exchange(other.bytes_, 0)),
+        huge_bytes_(std::exchange(other.huge_bytes_, 0)) {}
   Buffer& operator=(Buffer&& other) noexcept {
     std::swap(first_, other.first_);
     std::swap(capacity_, other.capacity_);
     std::swap(bytes_, other.bytes_);
+    std::swap(huge_bytes_, other.huge_bytes_);
     return *this;
   }
   ~Buffer() { release(); }
@@ -57,6 +59,12 @@ class Buffer {
     larger.allocate(std::max(count, 2 * capacity_), pages);
     if (used != 0) std::memcpy(larger.first_, first_, used * sizeof(T));
     *this = std::move(larger);
+  }
+
+  /// For an array with small pages: requests huge pages as far as the first `count` elements fill them, to the nearest
+  /// whole page.
+  void request_huge_pages(std::size_t count) noexcept {
+    advise_huge(std::min(count * sizeof(T) + huge_page / 2, bytes_) / huge_page * huge_page);
   }
 
   /// Returns the whole pages of the elements [first, end) to the system. These elements lose their values, and occupy
@@ -79,10 +87,16 @@ class Buffer {
     first_ = static_cast<T*>(bytes_ >= least_system_bytes ? allocate_from_system(bytes_)
                                                           : ::operator new(bytes_, std::align_val_t{64}));
     capacity_ = bytes_ / sizeof(T);
+    huge_bytes_ = 0;
+    if (pages == Pages::huge) advise_huge(huge);
+  }
+  // Only advice: without huge pages everything works, but slower.
+  void advise_huge(std::size_t bytes) noexcept {
+    if (bytes <= huge_bytes_) return;
 #ifdef __linux__
-    // Only advice: without huge pages everything works, but slower.
-    if (huge != 0 && pages == Pages::huge) (void)madvise(first_, huge, MADV_HUGEPAGE);
+    (void)madvise(first_, bytes, MADV_HUGEPAGE);
 #endif
+    huge_bytes_ = bytes;
   }
   void release() noexcept {
     if (first_ != nullptr) {
@@ -95,6 +109,7 @@ class Buffer {
   T* first_ = nullptr;
   std::size_t capacity_ = 0;
   std::size_t bytes_ = 0;
+  std::size_t huge_bytes_ = 0;  ///< from the start: huge pages were requested
 };
 
 }  // namespace ringfence::base

@@ -68,7 +68,7 @@ class Cut {
   Dispatch& dispatch_;
   Hosting hosting_;
   AvatarCrowds crowds_;
-  std::vector<PositionedSpawn> spawn_order_;  ///< scratch
+  base::SystemVector<PositionedSpawn> spawn_order_;  ///< scratch
   std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
   bool users_changed_ = false;                ///< users came or left at this cut
   bool any_left_ = false;                     ///< users left whose objects have not ended yet
