@@ -21,10 +21,10 @@ enum class Pages : unsigned char {
 /// An array of trivially copyable elements that grows and never shrinks. New elements are not initialised.
 ///
 /// Arrays of at least 1 MiB come from the system (allocate_from_system) and request huge pages of 2 MiB: a million
-/// objects are accessed in an order that causes many TLB misses with small pages. Whatever an array occupies beyond its last whole
-/// huge page is in small pages, unless a huge page would waste at most an eighth of itself; so a world of 64,000
-/// objects, most of whose arrays have 1 to 6 MB, does not pay for half a huge page per array. The functions that grow
-/// throw std::bad_alloc.
+/// objects are accessed in an order that causes many TLB misses with small pages. Whatever an array occupies beyond its
+/// last whole huge page is in small pages, unless a huge page would waste at most an eighth of itself; so a world of
+/// 64,000 objects, most of whose arrays have 1 to 6 MB, does not pay for half a huge page per array. The functions that
+/// grow throw std::bad_alloc.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -85,7 +85,7 @@ class Buffer {
     const std::size_t huge = (needed + huge_page / 8) / huge_page * huge_page;
     bytes_ = std::max(huge, (needed + 63) / 64 * 64);
     first_ = static_cast<T*>(bytes_ >= least_system_bytes ? allocate_from_system(bytes_)
-                                                          : ::operator new(bytes_, std::align_val_t{64}));
+                                                          : ::operator new (bytes_, std::align_val_t{64}));
     capacity_ = bytes_ / sizeof(T);
     huge_bytes_ = 0;
     if (pages == Pages::huge) advise_huge(huge);
@@ -100,7 +100,7 @@ class Buffer {
   }
   void release() noexcept {
     if (first_ != nullptr) {
-      bytes_ >= least_system_bytes ? free_to_system(first_, bytes_) : ::operator delete(first_, std::align_val_t{64});
+      bytes_ >= least_system_bytes ? free_to_system(first_, bytes_) : ::operator delete (first_, std::align_val_t{64});
     }
     first_ = nullptr;
     capacity_ = 0;

@@ -15,9 +15,9 @@ inline constexpr std::size_t huge_page = std::size_t{2} << 20;
 /// Arrays of at least this size take their memory from the system, not from the heap.
 inline constexpr std::size_t least_system_bytes = huge_page / 2;
 
-/// Memory for a large array, from the system: at a multiple of `huge_page`, all bytes 0. A page occupies memory from its
-/// first write on, so what is reserved and not used costs addresses only. The heap would reuse memory that start-up has
-/// written and freed, all of which is resident. Throws std::bad_alloc.
+/// Memory for a large array, from the system: at a multiple of `huge_page`, all bytes 0. A page occupies memory from
+/// its first write on, so what is reserved and not used costs addresses only. The heap would reuse memory that start-up
+/// has written and freed, all of which is resident. Throws std::bad_alloc.
 inline void* allocate_from_system(std::size_t bytes) {
 #ifdef __linux__
   // Reserves one huge page more than needed, and returns what is before and after the aligned part.
@@ -37,7 +37,7 @@ inline void* allocate_from_system(std::size_t bytes) {
   }
   return begin + before;
 #else
-  void* const memory = ::operator new(bytes, std::align_val_t{huge_page});
+  void* const memory = ::operator new (bytes, std::align_val_t{huge_page});
   std::memset(memory, 0, bytes);
   return memory;
 #endif
@@ -48,7 +48,7 @@ inline void free_to_system(void* memory, std::size_t bytes) noexcept {
 #ifdef __linux__
   (void)munmap(memory, bytes);
 #else
-  ::operator delete(memory, std::align_val_t{huge_page});
+  ::operator delete (memory, std::align_val_t{huge_page});
   (void)bytes;
 #endif
 }

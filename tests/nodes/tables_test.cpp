@@ -55,7 +55,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
           REQUIRE(table.state(slot)[k] == std::byte{0});
         }
         const auto mark = static_cast<std::uint8_t>(random());
-        std::fill_n(table.state(slot), state_bytes, std::byte{mark});
+        std::fill_n(table.new_state(slot), state_bytes, std::byte{mark});
         live[spec.number] = {slot, generation, spec, mark};
         touched.insert(slot);
         unnotified.insert(slot);

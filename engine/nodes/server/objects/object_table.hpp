@@ -34,8 +34,9 @@ enum ObjectMark : ObjectMarks {
                            ///< and notified cells here may be of an earlier frame
   avatar_mark = 512,       ///< its category is avatar
   cell_noted_mark = 1024,  ///< StateRelay knows its cell in this frame
-  jumped_mark = 2048,  ///< it was placed at its last new pose; undefined while host_owned_mark is set
-  no_state_mark = 4096  ///< the model's state is not in the table, but in the memory of the CD node that hosts the object
+  jumped_mark = 2048,      ///< it was placed at its last new pose; undefined while host_owned_mark is set
+  no_state_mark =
+      4096  ///< the model's state is not in the table, but in the memory of the CD node that hosts the object
 };
 
 /// What is read of the objects of a contact, by slot; the spans are parallel. Numbers and marks are small enough for
