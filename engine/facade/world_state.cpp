@@ -108,6 +108,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.balance = config.balance;
   setup.balance_by = config.balance_by;
   setup.quotas = config.quotas;
+  setup.nodes_may_be_lost = nodes_may_be_lost();
   setup.node_deadline_ns = threaded() ? nanoseconds(config.deadlines.node_ms) : 0;
   setup.user_deadline_ns = threaded() ? nanoseconds(config.deadlines.user_ms) : 0;
   setup.first_frame = first_frame;

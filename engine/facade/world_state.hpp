@@ -40,6 +40,8 @@ struct WorldState {
   nodes::ExchangeKind exchange_kind() const noexcept {
     return config.remote_nodes == nullptr ? nodes::ExchangeKind::shared : nodes::ExchangeKind::messages;
   }
+  /// Whether a CD node of this process may be lost.
+  bool nodes_may_be_lost() const noexcept { return threaded() && config.deadlines.node_ms > 0; }
   /// Whether the CD nodes, not the server, publish the objects for the user nodes: unless a node is lost.
   bool nodes_publish() const noexcept {
     return config.deployment == Deployment::user_collision && config.placement == Placement::region &&

@@ -71,6 +71,7 @@ struct ServerSetup {
   BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
   /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
+  bool nodes_may_be_lost = true;  ///< as CdNodeSetup::may_be_lost
   std::uint64_t node_deadline_ns = 0;
   /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline. If there is a
   /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported

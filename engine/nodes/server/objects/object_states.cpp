@@ -29,7 +29,7 @@ const std::byte* ObjectStates::state_in_host(std::uint32_t slot) const noexcept 
 }
 
 bool ObjectStates::nodes_keep_states() const noexcept {
-  return exchange_.reads_nodes() && state_.setup.node_deadline_ns == 0;
+  return exchange_.reads_nodes() && !state_.setup.nodes_may_be_lost;
 }
 
 void ObjectStates::release() noexcept {
