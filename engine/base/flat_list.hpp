@@ -21,6 +21,8 @@ class FlatList {
   void reserve(std::size_t count) { buffer_.grow(count, size_); }
   /// The same for a list that is usually much shorter: only what is used occupies memory.
   void reserve_rarely_used(std::size_t count) { buffer_.grow(count, size_, Pages::small); }
+  /// After resize() of such a list, which may be long: requests huge pages as far as the elements fill them.
+  void request_huge_pages() noexcept { buffer_.request_huge_pages(size_); }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
   void clear() noexcept { size_ = 0; }
@@ -40,6 +42,11 @@ class FlatList {
     buffer_.grow(size, size_);
     size_ = size;
   }
+
+  /// Gives the pages of the elements [first, end) back to the system; these elements lose their values.
+  void release_pages(std::size_t first, std::size_t end) noexcept { buffer_.release_pages(first, end); }
+  /// The same for the elements that are reserved and not used.
+  void release_unused_pages() noexcept { buffer_.release_pages(size_, buffer_.capacity()); }
 
   T* data() noexcept { return buffer_.data(); }
   const T* data() const noexcept { return buffer_.data(); }

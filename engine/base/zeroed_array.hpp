@@ -6,13 +6,14 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/system_memory.hpp"
+
 namespace ringfence::base {
 
 /// An array of a fixed number of elements, all of whose bytes are 0 at first.
 ///
-/// The memory of a large array comes from the system, which fills a page with zeros when it is first written. So the
-/// parts of a table that are never written, such as a hash table that is reserved for the worst case, occupy addresses
-/// but no memory.
+/// The memory of a large array comes from the system (allocate_from_system). So the parts of a table that are never
+/// written, such as a hash table that is reserved for the worst case, occupy addresses but no memory.
 ///
 /// The constructor throws std::bad_alloc.
 template <class T>
@@ -22,7 +23,9 @@ class ZeroedArray {
 
  public:
   ZeroedArray() = default;
-  explicit ZeroedArray(std::size_t size) : first_(static_cast<T*>(std::calloc(size, sizeof(T)))), size_(size) {
+  explicit ZeroedArray(std::size_t size)
+      : first_(static_cast<T*>(is_large(size) ? allocate_from_system(size * sizeof(T)) : std::calloc(size, sizeof(T)))),
+        size_(size) {
     if (first_ == nullptr && size != 0) {
       throw std::bad_alloc();
     }
@@ -34,7 +37,7 @@ class ZeroedArray {
     std::swap(size_, other.size_);
     return *this;
   }
-  ~ZeroedArray() { std::free(first_); }
+  ~ZeroedArray() { is_large(size_) ? free_to_system(first_, size_ * sizeof(T)) : std::free(first_); }
 
   std::size_t size() const noexcept { return size_; }
   T& operator[](std::size_t i) noexcept { return first_[i]; }
@@ -43,6 +46,8 @@ class ZeroedArray {
   const T* end() const noexcept { return first_ + size_; }
 
  private:
+  static constexpr bool is_large(std::size_t size) noexcept { return size * sizeof(T) >= least_system_bytes; }
+
   T* first_ = nullptr;
   std::size_t size_ = 0;
 };

@@ -45,10 +45,10 @@ struct PairSink {
 
   /// Reserves room for `max_untested_hits` hits and those of one more box among `boxes`.
   void open(std::size_t boxes) {
-    const std::size_t hits = max_untested_hits + boxes + 64;
-    hit_positions.reserve(hits);
-    hit_masks.reserve(hits);
-    box_indices.reserve(hits);
+    const std::size_t hits = max_untested_hits + boxes + 64;  // of which few are used, unless a box overlaps thousands
+    hit_positions.grow(hits, 0, base::Pages::small);
+    hit_masks.grow(hits, 0, base::Pages::small);
+    box_indices.grow(hits, 0, base::Pages::small);
     crossing.reserve(block);
     windows.reserve(7 * block);  // a box has up to two in each of three other rows and one in its own, if rows wrap
   }

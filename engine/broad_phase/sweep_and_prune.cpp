@@ -128,6 +128,17 @@ struct SweepAndPrune::Implementation {
     resting_pairs_outdated = false;
   }
 
+  // Moves the pairs that are not yet returned behind those of the resting set, so that the next ones are written where
+  // the memory is in the cache. Waits until they are at most as many as those that were returned, so that a pair is
+  // moved once on average, however many a step has found.
+  void move_to_front() {
+    if (returned <= resting_pairs || sink.count - returned > returned - resting_pairs) return;
+    geometry::CandidatePair* const pairs = sink.pairs.data();
+    std::memmove(pairs + resting_pairs, pairs + returned, (sink.count - returned) * sizeof *pairs);
+    sink.count -= returned - resting_pairs;
+    returned = resting_pairs;
+  }
+
   void add_tasks_within(BoxSet& set) {
     const auto grids = set.grids();
     for (RowGrid& grid : grids) tasks.push_back({&grid, nullptr});
@@ -301,7 +312,7 @@ void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<co
 
 std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {
   Implementation& sweep = *implementation_;
-  if (sweep.returned == sweep.sink.count) sweep.returned = sweep.sink.count = sweep.resting_pairs;
+  sweep.move_to_front();
   while (sweep.sink.count - sweep.returned < most && sweep.step()) {
   }
   const std::size_t count = std::min(most, sweep.sink.count - sweep.returned);

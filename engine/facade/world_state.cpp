@@ -79,7 +79,7 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
       publications{interest_grid(config, space), &space, {}, {}, {}, {}, nullptr},
-      server_publication(publications.grid.cells(), config.capacities.objects),
+      server_publication(publications.grid.cells(), nodes_publish() ? 0 : config.capacities.objects),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
       starter(config, halt) {
@@ -108,6 +108,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.balance = config.balance;
   setup.balance_by = config.balance_by;
   setup.quotas = config.quotas;
+  setup.nodes_may_be_lost = nodes_may_be_lost();
   setup.node_deadline_ns = threaded() ? nanoseconds(config.deadlines.node_ms) : 0;
   setup.user_deadline_ns = threaded() ? nanoseconds(config.deadlines.user_ms) : 0;
   setup.first_frame = first_frame;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -39,9 +40,18 @@ struct WorldState {
   nodes::ExchangeKind exchange_kind() const noexcept {
     return config.remote_nodes == nullptr ? nodes::ExchangeKind::shared : nodes::ExchangeKind::messages;
   }
-  /// Size of a ring whose role uses `by_role` bytes by default.
+  /// Whether a CD node of this process may be lost.
+  bool nodes_may_be_lost() const noexcept { return threaded() && config.deadlines.node_ms > 0; }
+  /// Whether the CD nodes, not the server, publish the objects for the user nodes: unless a node is lost.
+  bool nodes_publish() const noexcept {
+    return config.deployment == Deployment::user_collision && config.placement == Placement::region &&
+           exchange_kind() == nodes::ExchangeKind::shared;
+  }
+  /// Size of a ring whose role uses `by_role` bytes by default. Without threads a large ring saves no wake-ups.
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
-    return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_role;
+    constexpr std::size_t most_in_one_thread = std::size_t{1} << 18;
+    const std::size_t by_default = threaded() ? by_role : std::min(by_role, most_in_one_thread);
+    return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_default;
   }
   /// The setup of the server, except for the connections with the first CD nodes.
   nodes::ServerSetup server_setup() noexcept;

@@ -55,7 +55,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
           REQUIRE(table.state(slot)[k] == std::byte{0});
         }
         const auto mark = static_cast<std::uint8_t>(random());
-        std::fill_n(table.state(slot), state_bytes, std::byte{mark});
+        std::fill_n(table.new_state(slot), state_bytes, std::byte{mark});
         live[spec.number] = {slot, generation, spec, mark};
         touched.insert(slot);
         unnotified.insert(slot);
@@ -150,7 +150,7 @@ TEST_CASE("objects spawned together are ordered so that neighbours stay close, e
     spawn.spec.pose.position = {within(160), within(80), within(160)};
   }
   spawns[7].spec.pose.position = {-1e9, 40, 1e9};  // outside counts as at the edge
-  std::vector<PositionedSpawn> scratch;
+  base::SystemVector<PositionedSpawn> scratch;
   const auto order = order_by_position(spawns, space, scratch);
   REQUIRE(order.size() == spawns.size());
   std::set<std::uint32_t> seen;

@@ -190,7 +190,7 @@ void TestHarness::report_stopped_nodes() {
   REQUIRE(std::chrono::steady_clock::now() - frame_began_ < std::chrono::seconds(20));
 }
 
-void TestHarness::request_join(facade::PoolNode& node, std::vector<Request>::iterator where) {
+void TestHarness::request_join(facade::PoolNode& node, base::SystemVector<Request>::iterator where) {
   Request request;
   request.kind = Request::Kind::add_node;
   request.node = node.slot;

@@ -189,7 +189,7 @@ class TestHarness {
   static ServerChannel& channel_of(const facade::PoolNode& node);
   Control& control(const facade::PoolNode& node) { return controls_[node.id]; }
   bool is_stepped(NodeNumber id) const { return !controls_[id].stopped || controls_[id].still_runs; }
-  void request_join(facade::PoolNode& node, std::vector<Request>::iterator where);
+  void request_join(facade::PoolNode& node, base::SystemVector<Request>::iterator where);
   void merge_answers();
   void resize_nodes();
   void remove_gone_nodes();
@@ -214,7 +214,7 @@ class TestHarness {
   Publications publications_;
   link::Publication relay_;
   FrameOrder order_;
-  std::vector<Request> requests_;
+  base::SystemVector<Request> requests_;
   std::vector<Control> controls_;                                                      ///< by id
   std::map<std::pair<NodeNumber, NodeNumber>, std::shared_ptr<TappedChannel>> peers_;  ///< by ids: from, to
   std::optional<facade::NodePool> pool_;

@@ -64,7 +64,7 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.role.keep_resting = config.tuning.keep_resting;
   setup.role.hosts = config.deployment == Deployment::user_collision;
   setup.role.remember_axes = config.tuning.remember_axes;
-  setup.role.may_be_lost = state.threaded() && config.deadlines.node_ms > 0;
+  setup.role.may_be_lost = state.nodes_may_be_lost();
   setup.role.interest_grid = state.publications.grid;
   setup.objects = config.capacities.objects;
   setup.pairs = config.capacities.pairs;

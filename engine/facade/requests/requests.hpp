@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/system_vector.hpp"
 #include "facade/requests/registry.hpp"
 #include "facade/requests/user_numbers.hpp"
 #include "facade/requests/user_usage.hpp"
@@ -130,7 +131,7 @@ class Requests {
   Registry objects_;
   UserNumbers users_;
   UserUsage usage_;
-  std::vector<nodes::Request> requests_;
+  base::SystemVector<nodes::Request> requests_;
   std::vector<nodes::Request> connects_;  ///< of user nodes that a save has as connected; until the next cut
   std::vector<std::byte> states_;         ///< of the set_state requests
   UserOrders user_orders_;

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "base/prefetch.hpp"
+#include "nodes/exchange/output_merge.hpp"
 
 namespace ringfence::nodes {
 
@@ -119,6 +120,10 @@ void ContactPublisher::finish() {
     confirm_begins();
   }
   exchange_.share_contacts();
+  if (state_.reads_output()) {
+    const OutputMerge& output = *state_.contacts.output_merge;
+    state_.host.contacts().read({output.contacts, output.size}, {output.keys, output.size});
+  }
 }
 
 // Contacts that begin are few and at random positions in the list, so all are prefetched before the first is changed.

@@ -69,8 +69,14 @@ struct NodeState {
   void await_positions() noexcept;
   /// Whether objects are host-owned: their hosts, not the server, give the other nodes their positions.
   bool keeps_host_owned() const noexcept { return setup.hosts && setup.placement == Placement::region; }
-  /// Whether the node's model reads the contacts that the node finds.
-  bool keeps_contacts() const noexcept { return setup.hosts && host.uses_contacts(); }
+  /// Whether the node's model reads the output lists of the frame before: those of the only node are its contacts. A
+  /// node that may be lost does not, because its thread may still run when the lists are overwritten.
+  bool reads_output() const noexcept {
+    return setup.hosts && host.uses_contacts() && setup.exchange == ExchangeKind::shared && setup.slots() == 1 &&
+           !setup.may_be_lost;
+  }
+  /// Whether the node keeps the contacts that it finds for its model.
+  bool keeps_contacts() const noexcept { return setup.hosts && host.uses_contacts() && !reads_output(); }
   messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
     return {type, self, to, frame, region.map().epoch()};
   }

@@ -20,7 +20,8 @@ namespace ringfence::nodes {
 struct OutputMerge {
   std::span<NodeContacts* const> node_contacts;  ///< by node number
   std::size_t shares = 1;                        ///< number of slices
-  Contact* contacts = nullptr;                   ///< parallel to keys and found; as many as all nodes found together
+  std::size_t size = 0;                          ///< number of contacts that all nodes found together
+  Contact* contacts = nullptr;                   ///< parallel to keys and found
   std::uint64_t* keys = nullptr;
   Found* found = nullptr;
   /// Keys of the frame before that their nodes did not find again: one or more lists, each ascending, each key once.

@@ -117,7 +117,8 @@ void HostContacts::find_hosted(const KnownContacts& known, const HostedObjects& 
   };
   constexpr HostedContact nothing_known{0, base::NumberIndex::none, base::NumberIndex::none};
   constexpr std::size_t ahead = 16;
-  constexpr std::size_t received_ahead = 4;  // there are usually many own contacts between two received ones
+  // Between two received contacts there are usually many own ones, if any.
+  const std::size_t received_ahead = own_end == 0 ? ahead : 4;
   std::size_t own = 0;
   for (std::size_t received = own_end; received <= end; ++received) {
     if (received + received_ahead < end) {

@@ -72,7 +72,7 @@ class HostContacts {
   void add_late(const Contact& contact) { late_.add(contact); }
   void add_late(const messages::MessageView& message);
   /// The next move reads C(frame - 1) in these lists instead of those that the other functions fill: all contacts in
-  /// order of (a, b), parallel to their base::PairSort::key. They do not change until that move is done.
+  /// order of (a, b), parallel to their base::PairSort::key. They do not change until end_move().
   void read(std::span<const Contact> contacts, std::span<const std::uint64_t> keys) noexcept {
     given_ = {contacts, keys, {}};
   }
@@ -88,6 +88,7 @@ class HostContacts {
   void begin_move(std::uint64_t frame, const HostedObjects& objects);
   void end_move(std::uint64_t frame) noexcept {
     late_.clear();
+    given_ = {};
     moved_ = frame;
     if (!keeps_two_) {
       edition(frame).clear();

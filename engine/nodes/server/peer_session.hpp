@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/system_vector.hpp"
 #include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/role.hpp"
@@ -14,11 +15,12 @@ namespace ringfence::nodes {
 struct PeerSession {
   /// Sent before a frame: changes of what it hosts, then `frame_begin`.
   struct Opening {
-    std::vector<std::uint32_t> drops, adoptions, placements;  ///< objects by slot
-    std::vector<Contact> contacts;                            ///< of the frame before, for adopted objects
-    std::vector<messages::RefusedRecord> refusals;            ///< its refused records of the frame before
-    messages::RunSender query_run;                            ///< CD nodes; see FrameOrder::queries
-    std::vector<std::uint32_t> sensed;                        ///< CD nodes; rows of Publications::sensed
+    std::vector<std::uint32_t> drops, placements;   ///< objects by slot
+    base::SystemVector<std::uint32_t> adoptions;    ///< the same
+    std::vector<Contact> contacts;                  ///< of the frame before, for adopted objects
+    std::vector<messages::RefusedRecord> refusals;  ///< its refused records of the frame before
+    messages::RunSender query_run;                  ///< CD nodes; see FrameOrder::queries
+    std::vector<std::uint32_t> sensed;              ///< CD nodes; rows of Publications::sensed
     messages::RunSender sensed_run;
     messages::RunSender drop_run, adopt_run, place_run, contact_run, refused_run, begin_run;
   };

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/system_vector.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
 #include "messages/records.hpp"
@@ -22,8 +23,8 @@ namespace ringfence::nodes {
 
 /// Control of the server's frames by the facade: starts a frame and learns of its completion. One frame at a time.
 struct FrameOrder {
-  std::vector<Request> requests;  ///< for the cut; read by the server while the frame is running
-  std::vector<std::byte> states;  ///< of their set_state requests, one after the other
+  base::SystemVector<Request> requests;  ///< for the cut; read by the server while the frame is running
+  std::vector<std::byte> states;         ///< of their set_state requests, one after the other
   /// For the CD nodes; empty: none. Kept until the threads of nodes that are lost in this frame have ended.
   std::span<const messages::QueryRecord> queries;
   std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
@@ -70,6 +71,7 @@ struct ServerSetup {
   BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
   /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
+  bool nodes_may_be_lost = true;  ///< as CdNodeSetup::may_be_lost
   std::uint64_t node_deadline_ns = 0;
   /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline. If there is a
   /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported

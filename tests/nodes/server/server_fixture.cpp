@@ -26,6 +26,7 @@ ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), rel
   setup.max_relayed_nodes = 0;
   setup.balance_by = BalanceBy::pairs;
   setup.quotas = config.quotas;
+  setup.nodes_may_be_lost = config.nodes_may_be_lost;
   setup.node_deadline_ns = config.node_deadline_ns;
   setup.user_deadline_ns = config.user_deadline_ns;
   for (NodeNumber node = 0; node < config.nodes; ++node) {

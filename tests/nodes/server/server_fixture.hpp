@@ -44,6 +44,7 @@ struct FixtureConfig {
   bool shares_memory = false;  ///< server and CD nodes share contacts, hosts and publications
   double interest = 0;
   Quotas quotas{};
+  bool nodes_may_be_lost = true;
   std::uint64_t node_deadline_ns = 0;
   std::uint64_t user_deadline_ns = 0;
 };

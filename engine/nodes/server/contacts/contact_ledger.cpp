@@ -36,7 +36,7 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint3
   endings_.reserve(nodes);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
-    edition.ended.reserve_rarely_used(contacts);
+    edition.ended.reserve(contacts);
   }
 }
 
@@ -294,7 +294,9 @@ void ContactLedger::start_output() {
   List& list = now();
   List& gone = ended();
   list.resize(size_);
+  list.request_huge_pages();
   gone.resize(ends_);
+  output_merge_->size = size_;
   output_merge_->contacts = list.contacts.data();
   output_merge_->keys = list.keys.data();
   output_merge_->found = list.found.data();

@@ -159,11 +159,13 @@ class ContactLedger {
     base::FlatList<std::uint64_t> keys;
     base::FlatList<Found> found;
 
-    void reserve(std::size_t size) { contacts.reserve(size), keys.reserve(size), found.reserve(size); }
-    void reserve_rarely_used(std::size_t size) {
+    void reserve(std::size_t size) {
       contacts.reserve_rarely_used(size), keys.reserve_rarely_used(size), found.reserve_rarely_used(size);
     }
     void resize(std::size_t size) { contacts.resize(size), keys.resize(size), found.resize(size); }
+    void request_huge_pages() noexcept {
+      contacts.request_huge_pages(), keys.request_huge_pages(), found.request_huge_pages();
+    }
   };
   struct Edition {
     List live;

@@ -21,6 +21,9 @@ Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Disp
 
 bool Cut::begin() {
   state_.objects.settle();
+  if (std::exchange(spawned_many_, false)) {
+    states_.release();
+  }
   state_.leaving_slots.clear();
   state_.hand_overs.clear();
   users_changed_ = false;
@@ -47,7 +50,7 @@ void Cut::restore(std::span<const RestoredObject> objects, std::size_t state_byt
     const RestoredObject& object = objects[placed.position];
     const std::uint32_t slot = state_.objects.add(object.id, object.spec);
     states_.set_bounds(slot);
-    std::copy_n(object.state, state_bytes, state_.objects.state(slot));
+    std::copy_n(object.state, state_bytes, state_.objects.new_state(slot));
     if (object.spec.category == Category::avatar) {
       crowds_.add(object.spec.user.number(), object.id.number());
     }
@@ -90,6 +93,7 @@ void Cut::apply_requests() {
       ++begin;
     }
   }
+  spawned_many_ = restored_ || 8 * spawns > state_.objects.slots();
   if (2 * spawns > requests.size()) {
     base::clear_and_release(state_.setup.order->requests);
   }
@@ -185,9 +189,9 @@ void Cut::spawn(const Request& request) {
     return;
   }
   try {
-    state_.setup.model->start(request.spec, state_.objects.state(slot));
+    state_.setup.model->start(request.spec, state_.objects.new_state(slot));
   } catch (...) {
-    std::fill_n(state_.objects.state(slot), state_.objects.state_bytes(), std::byte{0});
+    std::fill_n(state_.objects.new_state(slot), state_.objects.state_bytes(), std::byte{0});
     state_.model_failures.add_current(request.object);
     state_.refuse(Status::model_failed);
   }
@@ -238,6 +242,7 @@ void Cut::assign_hosts() {
 
 void Cut::change(std::uint32_t slot, const Request& request) {
   states_.end_host_owned(slot);
+  states_.fetch_state(slot);
   ObjectTable& objects = state_.objects;
   if (request.kind == Request::Kind::set_group) {
     objects.set_group(slot, request.spec.group);
@@ -247,7 +252,7 @@ void Cut::change(std::uint32_t slot, const Request& request) {
     objects.set_shape(slot, request.spec.shape.number());
   } else {
     std::copy_n(state_.setup.order->states.data() + request.state, state_.setup.model->state_bytes(),
-                objects.state(slot));
+                objects.new_state(slot));
   }
   objects.mark_moved(slot);
   changed_slots_.push_back(slot);

@@ -68,11 +68,12 @@ class Cut {
   Dispatch& dispatch_;
   Hosting hosting_;
   AvatarCrowds crowds_;
-  std::vector<PositionedSpawn> spawn_order_;  ///< scratch
-  std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
-  bool users_changed_ = false;                ///< users came or left at this cut
-  bool any_left_ = false;                     ///< users left whose objects have not ended yet
-  bool restored_ = false;                     ///< no cut was made since restore()
+  base::SystemVector<PositionedSpawn> spawn_order_;  ///< scratch
+  std::vector<std::uint32_t> changed_slots_;         ///< at this cut, by set_group and the like
+  bool users_changed_ = false;                       ///< users came or left at this cut
+  bool any_left_ = false;                            ///< users left whose objects have not ended yet
+  bool spawned_many_ = false;                        ///< at the cut before
+  bool restored_ = false;                            ///< no cut was made since restore()
 };
 
 }  // namespace ringfence::nodes

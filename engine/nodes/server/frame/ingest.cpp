@@ -342,7 +342,7 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
     row.object.flags = record.object.flags & messages::flag_present;
     objects.set_jumped(slot, (record.object.flags & messages::flag_jumped) != 0);
     objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
-    std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.state(slot));
+    std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved(slot);
   }
   session.received.states |= message.last();
@@ -352,6 +352,7 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
+  const bool nodes_keep_states = states_.nodes_keep_states();
   ObjectTable& objects = state_.objects;
   const regions::CellGrid& grid = state_.map.grid();
   for (std::size_t i = 0; i < message.count(); ++i) {
@@ -386,7 +387,11 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
       state_.leaving_slots.push_back(slot);
     }
-    std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.state(slot));
+    if (nodes_keep_states) {
+      marks |= no_state_mark;
+    } else {
+      std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.new_state(slot));
+    }
     if (was_host_owned && host_owned) {  // its host has sent the object to the other nodes
       states_.note_stale_bounds();
       objects.mark_moved_host_only(slot);
@@ -431,7 +436,7 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
     objects.change_row(slot).pose = record.pose;
     objects.marks(slot) |= reported_mark;
     relay_.note_position(slot, record.pose.position);
-    std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.state(slot));
+    std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved_host_only(slot);
   }
   states_.note_stale_bounds();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/system_vector.hpp"
 #include "geometry/bounds.hpp"
 #include "nodes/server/objects/object_table.hpp"
 #include "regions/region_map.hpp"
@@ -50,7 +51,7 @@ class Hosting {
 
   Deployment deployment_;
   const geometry::FixedSpace& space_;
-  std::vector<HostChange> changes_;
+  base::SystemVector<HostChange> changes_;
   std::vector<std::size_t>
       shares_;  ///< by position in `users`: number of hosted objects, then the number it may still take
   std::vector<std::uint32_t> pool_;

@@ -18,8 +18,30 @@ const Host* ObjectStates::owner(std::uint32_t slot) const noexcept {
 }
 
 const std::byte* ObjectStates::state(std::uint32_t slot) const noexcept {
-  const Host* const host = owner(slot);
-  return host == nullptr ? state_.objects.state(slot) : host->state(host->find(state_.objects.row(slot).object.number));
+  const bool in_table = owner(slot) == nullptr && (state_.objects.marks(slot) & no_state_mark) == 0;
+  return in_table ? state_.objects.state(slot) : state_in_host(slot);
+}
+
+// Precondition: a CD node of this process hosts the object.
+const std::byte* ObjectStates::state_in_host(std::uint32_t slot) const noexcept {
+  const Host& host = ServerExchange::host_of(state_.nodes[state_.objects.host(slot).number()]);
+  return host.state(host.find(state_.objects.row(slot).object.number));
+}
+
+bool ObjectStates::nodes_keep_states() const noexcept {
+  return exchange_.reads_nodes() && !state_.setup.nodes_may_be_lost;
+}
+
+void ObjectStates::release() noexcept {
+  if (nodes_keep_states()) {
+    state_.objects.release_states_of_nodes();
+  }
+}
+
+void ObjectStates::fetch_state(std::uint32_t slot) {
+  if ((state_.objects.marks(slot) & no_state_mark) != 0) {
+    std::copy_n(state_in_host(slot), state_.objects.state_bytes(), state_.objects.new_state(slot));
+  }
 }
 
 void ObjectStates::set_bounds(std::uint32_t slot) noexcept {
@@ -35,7 +57,7 @@ void ObjectStates::end_host_owned(std::uint32_t slot) {
   if (const Host* const host = owner(slot)) {
     const std::uint32_t at = host->find(objects.row(slot).object.number);
     objects.change_row(slot).pose = (*host)[at].pose;
-    std::copy_n(host->state(at), objects.state_bytes(), objects.state(slot));
+    std::copy_n(host->state(at), objects.state_bytes(), objects.new_state(slot));
   }
   objects.marks(slot) = static_cast<ObjectMarks>(objects.marks(slot) & ~host_owned_mark);
   set_bounds(slot);
@@ -57,7 +79,7 @@ void ObjectStates::apply_moves(Host& host) {
     row.object.flags = hosted.object.flags & messages::flag_present;
     objects.set_jumped(slot, (hosted.object.flags & messages::flag_jumped) != 0);
     objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
-    std::copy_n(host.state(changed[i]), objects.state_bytes(), objects.state(slot));
+    std::copy_n(host.state(changed[i]), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved(slot);
   }
   state_.model_failures.add(host.failures().span());
@@ -80,7 +102,7 @@ void ObjectStates::store(const PeerSession& node, std::uint64_t frame, const mes
     return;
   }
   objects.change_row(slot).pose = pose;
-  std::copy_n(state, objects.state_bytes(), objects.state(slot));
+  std::copy_n(state, objects.state_bytes(), objects.new_state(slot));
   bounds_are_stale_ = true;
   if (frame == state_.frame) {
     marks |= reported_mark;

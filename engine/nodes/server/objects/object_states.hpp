@@ -32,6 +32,14 @@ class ObjectStates {
   void each_in_host(Visit visit) const;
   /// The model's state of the same object.
   const std::byte* state(std::uint32_t slot) const noexcept;
+  /// Whether the table needs no states of objects that CD nodes host: the server reads those of the nodes, and no node
+  /// can be lost. Then they have no_state_mark.
+  bool nodes_keep_states() const noexcept;
+  /// At the cut, when all hosts have the objects of the frames before: frees the memory of states that the table does
+  /// not need. It looks at all slots.
+  void release() noexcept;
+  /// At the cut: stores the state of an object in the table, if only its host has it.
+  void fetch_state(std::uint32_t slot);
   /// Sets the bounds of an object from its pose in the table.
   void set_bounds(std::uint32_t slot) noexcept;
   /// Between frames: from now on the server sends updates of the object. If its host goes on, the place message clears
@@ -64,6 +72,7 @@ class ObjectStates {
 
  private:
   const Host* owner(std::uint32_t slot) const noexcept;
+  const std::byte* state_in_host(std::uint32_t slot) const noexcept;
   ServerState& state_;
   const ServerExchange& exchange_;
   bool bounds_are_stale_ = false;  ///< bounds of present objects that only their hosts know are outdated

@@ -50,7 +50,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     slot = free_.back();
     free_.pop_back();
   }
-  std::fill_n(state(slot), state_bytes_, std::byte{0});
+  std::fill_n(new_state(slot), state_bytes_, std::byte{0});
   ObjectRow& row = change_row(slot);
   row.object = {slot, id.generation(), id.number(), spec.enabled ? messages::flag_present : 0u};
   row.pose = spec.pose;
@@ -154,7 +154,22 @@ void ObjectTable::order_moved() {
       moved_.push_back(slot);
     }
   }
-  unnotified_ = moved_;
+  unnotified_.resize(moved_.size());
+  std::copy(moved_.begin(), moved_.end(), unnotified_.begin());
+}
+
+// In runs of slots, because only whole pages are freed.
+void ObjectTable::release_states_of_nodes() noexcept {
+  const auto count = static_cast<std::uint32_t>(slots());
+  for (std::uint32_t end = 0; end < count; ++end) {
+    const std::uint32_t first = end;
+    for (; end < count && hosts_[end].is_node(); ++end) {
+      marks_[end] |= no_state_mark;
+    }
+    states_.release_pages(first * state_bytes_, end * state_bytes_);
+  }
+  moved_.release_unused_pages();
+  unnotified_.release_unused_pages();
 }
 
 }  // namespace ringfence::nodes

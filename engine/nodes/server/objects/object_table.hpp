@@ -35,7 +35,9 @@ enum ObjectMark : ObjectMarks {
                            ///< and notified cells here may be of an earlier frame
   avatar_mark = 512,       ///< its category is avatar
   cell_noted_mark = 1024,  ///< StateRelay knows its cell in this frame
-  jumped_mark = 2048       ///< it was placed at its last new pose; undefined while host_owned_mark is set
+  jumped_mark = 2048,      ///< it was placed at its last new pose; undefined while host_owned_mark is set
+  no_state_mark =
+      4096  ///< the model's state is not in the table, but in the memory of the CD node that hosts the object
 };
 
 /// What is read of the objects of a contact, by slot; the spans are parallel. Numbers and marks are small enough for
@@ -124,8 +126,16 @@ class ObjectTable {
   std::span<const std::uint32_t> crowds() const noexcept {
     return has_crowds_ ? std::span<const std::uint32_t>(crowds_) : std::span<const std::uint32_t>();
   }
-  std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
+  /// The model's state. Precondition: not no_state_mark.
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.data() + slot * state_bytes_; }
+  /// Where the caller writes the whole state. Clears no_state_mark.
+  std::byte* new_state(std::uint32_t slot) noexcept {
+    marks_[slot] = static_cast<ObjectMarks>(marks_[slot] & ~no_state_mark);
+    return states_.data() + slot * state_bytes_;
+  }
+  /// Between frames: sets no_state_mark for all objects that CD nodes host, and gives the memory of their states and of
+  /// the lists of moved objects back to the system. Precondition: moved() is empty.
+  void release_states_of_nodes() noexcept;
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// The hand-over record for a new host, without the model's state.
   messages::HandOverRecord hand_over(std::uint32_t slot) const noexcept;
@@ -206,9 +216,9 @@ class ObjectTable {
   /// knows it. Sets its bounds.
   void note_notified(std::uint32_t slot, const geometry::Bounds& bounds, const regions::CellGrid& grid, bool shared);
   /// Slots that moved, appeared or ended in this frame, each once.
-  std::span<const std::uint32_t> moved() const noexcept { return moved_; }
+  std::span<const std::uint32_t> moved() const noexcept { return moved_.span(); }
   /// Those of moved() that nodes other than the host may need.
-  std::span<const std::uint32_t> unnotified() const noexcept { return unnotified_; }
+  std::span<const std::uint32_t> unnotified() const noexcept { return unnotified_.span(); }
 
  private:
   template <class Visit>
@@ -236,7 +246,7 @@ class ObjectTable {
   base::FlatList<std::byte> states_;
   std::vector<std::uint32_t> free_;
   std::vector<std::uint32_t> ended_;  ///< in this frame
-  std::vector<std::uint32_t> moved_, unnotified_;
+  base::FlatList<std::uint32_t> moved_, unnotified_;
   base::NumberIndex index_;
 };
 

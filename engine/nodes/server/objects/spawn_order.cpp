@@ -11,7 +11,7 @@ namespace {
 /// `Spawn` has a member `spec`.
 template <class Spawn>
 std::span<const PositionedSpawn> order(std::span<const Spawn> spawns, const geometry::FixedSpace& space,
-                                       std::vector<PositionedSpawn>& scratch) {
+                                       base::SystemVector<PositionedSpawn>& scratch) {
   // log2 of the number of rows on an axis: 32 rows for 64,000 objects. A cube as thick as a row then contains a few
   // objects.
   const auto bits = static_cast<unsigned>(std::bit_width(spawns.size())) / 3;
@@ -31,12 +31,12 @@ std::span<const PositionedSpawn> order(std::span<const Spawn> spawns, const geom
 }  // namespace
 
 std::span<const PositionedSpawn> order_by_position(std::span<const Request> spawns, const geometry::FixedSpace& space,
-                                                   std::vector<PositionedSpawn>& scratch) {
+                                                   base::SystemVector<PositionedSpawn>& scratch) {
   return order(spawns, space, scratch);
 }
 std::span<const PositionedSpawn> order_by_position(std::span<const RestoredObject> objects,
                                                    const geometry::FixedSpace& space,
-                                                   std::vector<PositionedSpawn>& scratch) {
+                                                   base::SystemVector<PositionedSpawn>& scratch) {
   return order(objects, space, scratch);
 }
 

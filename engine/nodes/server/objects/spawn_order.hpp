@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "base/system_vector.hpp"
 #include "geometry/bounds.hpp"
 #include "nodes/server/objects/restored_object.hpp"
 #include "nodes/server/request.hpp"
@@ -22,10 +23,10 @@ struct PositionedSpawn {
 /// The spawns are independent, so results do not depend on their order. Returns each of `spawns` once, in the memory of
 /// `scratch`, which grows to the largest number of spawns in a cut.
 std::span<const PositionedSpawn> order_by_position(std::span<const Request> spawns, const geometry::FixedSpace& space,
-                                                   std::vector<PositionedSpawn>& scratch);
+                                                   base::SystemVector<PositionedSpawn>& scratch);
 /// The same for objects that are restored.
 std::span<const PositionedSpawn> order_by_position(std::span<const RestoredObject> objects,
                                                    const geometry::FixedSpace& space,
-                                                   std::vector<PositionedSpawn>& scratch);
+                                                   base::SystemVector<PositionedSpawn>& scratch);
 
 }  // namespace ringfence::nodes

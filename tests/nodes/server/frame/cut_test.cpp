@@ -13,7 +13,7 @@ struct Cuts {
   explicit Cuts(const FixtureConfig& config = {}) : fixture(config) {}
   ServerState& state() { return fixture.state(); }
   ObjectTable& objects() { return fixture.state().objects; }
-  std::vector<Request>& requests() { return fixture.order().requests; }
+  base::SystemVector<Request>& requests() { return fixture.order().requests; }
   Request& request(Request::Kind kind, ObjectNumber number = 0) {
     Request& request = requests().emplace_back();
     request.kind = kind;

@@ -78,6 +78,25 @@ TEST_CASE("an object that is no longer host-owned is sent by the server from the
   CHECK(test.states.pose(test.slot) == test.now);
 }
 
+TEST_CASE("the table keeps no states of objects that nodes host, unless a node may be lost") {
+  for (const bool may_be_lost : {true, false}) {
+    CAPTURE(may_be_lost);
+    ServerFixture fixture({.placement = Placement::region, .shares_memory = true, .nodes_may_be_lost = may_be_lost});
+    ObjectStates states(fixture.state(), fixture.exchange());
+    ObjectTable& objects = fixture.state().objects;
+    const std::uint32_t hosted = fixture.add({10, 10, 10}, Endpoint::node(0));
+    const std::uint32_t own = fixture.add({10, 10, 10}, Endpoint::server());
+    objects.settle();
+    states.release();
+    CHECK(((objects.marks(hosted) & no_state_mark) == 0) == may_be_lost);
+    CHECK((objects.marks(own) & no_state_mark) == 0);
+    CHECK(states.state(hosted) == (may_be_lost ? objects.state(hosted) : fixture.host(0).state(0)));
+    CHECK(states.state(own) == objects.state(own));
+    states.fetch_state(hosted);
+    CHECK(states.state(hosted) == objects.state(hosted));
+  }
+}
+
 TEST_CASE("the states that a lost node kept are stored and count as moved") {
   HostOwned test;
   ServerState& state = test.fixture.state();

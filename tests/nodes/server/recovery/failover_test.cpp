@@ -133,7 +133,7 @@ TEST_CASE("at the next cut a recovered object goes to the node whose region cont
   const NodeNumber owner = test.state().owner_at({63, 1, 1});
   REQUIRE(owner != 1);
   CHECK(test.objects().host(slot) == Endpoint::node(owner));
-  CHECK(test.state().nodes[owner].opening.adoptions == std::vector<std::uint32_t>{slot});
+  CHECK(test.state().nodes[owner].opening.adoptions == base::SystemVector<std::uint32_t>{slot});
   CHECK(test.state().host_changes == std::vector<std::uint32_t>{slot});
   CHECK(!test.failover.holds_objects());
 }
