@@ -34,7 +34,8 @@ struct Connection {
   link::Receiver* in = nullptr;
   /// What the CD node shares, with ExchangeKind::shared; otherwise null.
   NodeContacts* node_contacts = nullptr;
-  /// The same: publication of the CD node's hosted objects. Null for all nodes if users read no states.
+  /// The publication of what the CD node hosts, with ExchangeKind::shared, or of what the user nodes of the thread
+  /// host. Null for all nodes if users read no states.
   HostPublication* publication = nullptr;
 };
 
