@@ -217,7 +217,7 @@ bool ServerRole::advance_stage() {
       if (router_.notify_users()) {
         statistics_.charge_cpu(&PathReport::notify_users_ms);
       }
-      if (state_.awaited_users != 0) {
+      if (!state_.users_are_done()) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_user_acks_ms);

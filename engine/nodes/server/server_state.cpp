@@ -57,7 +57,8 @@ void ServerState::connect(UserNumber user, const Connection& connection) {
   const auto same = [&](const UserConnection& peers) { return peers.connection.in == connection.in; };
   auto peers = std::find_if(user_connections.begin(), user_connections.end(), same);
   if (peers == user_connections.end()) {
-    peers = user_connections.insert(peers, {connection, {}, 0, {}, {}});
+    peers = user_connections.emplace(peers);
+    peers->connection = connection;
   }
   insert(peers->users);
 }
@@ -65,6 +66,8 @@ void ServerState::connect(UserNumber user, const Connection& connection) {
 void ServerState::remove_disconnected() {
   const auto has_left = [this](UserNumber user) { return !users[user].connected; };
   std::erase_if(connected, has_left);
+  std::erase_if(changed_users, has_left);
+  std::erase_if(refused_users, has_left);
   for (UserConnection& peers : user_connections) {
     std::erase_if(peers.users, has_left);
   }
@@ -74,6 +77,22 @@ void ServerState::remove_disconnected() {
 void ServerState::note_host_change(std::uint32_t slot) {
   objects.marks(slot) |= host_changed_mark;
   host_changes.push_back(slot);
+}
+
+PeerSession::Opening* ServerState::opening_of(Endpoint peer) {
+  PeerSession* const session = session_of(peer);
+  if (session != nullptr && peer.is_user() && !session->changes) {
+    session->changes = true;
+    changed_users.push_back(peer.number());
+  }
+  return session == nullptr ? nullptr : &session->opening;
+}
+
+void ServerState::set_quiet_to_users(bool quiet) noexcept {
+  for (UserConnection& peers : user_connections) {
+    peers.connection.out->ring_unrung();
+    peers.connection.out->set_quiet(quiet);
+  }
 }
 
 }  // namespace ringfence::nodes

@@ -13,10 +13,12 @@ namespace ringfence::nodes {
 struct UserConnection {
   Connection connection;
   std::vector<UserNumber> users;  ///< ascending, not empty
-  /// In `users`: the first one to which the current step of the frame has not sent everything.
-  std::size_t next = 0;
   messages::RunSender begin_run;
   messages::RunSender read_publications_run;  ///< may be sent as soon as everything is published
+  messages::RunSender end_run;                ///< after the contacts of the frame
+  // Received from the thread in this frame.
+  bool published = false;   ///< the publication of its user nodes can be read
+  bool frame_done = false;  ///< its user nodes have completed the frame
 };
 
 }  // namespace ringfence::nodes

@@ -5,7 +5,6 @@
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
-#include "nodes/exchange/user_index.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -60,21 +59,17 @@ class StateRelay {
   bool is_needed() const noexcept {
     return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
   }
-  std::uint32_t cell_of(Vec3d position) const noexcept {
-    std::uint32_t point[3];
-    state_.setup.space->point(position, point);
-    return state_.setup.publications->grid.cell_of(point);
-  }
+  std::uint32_t cell_of(const Vec3d& position) const noexcept { return state_.setup.publications->cell_of(position); }
   void update_cells();
   void list_publications();
+  void count(const Published& relay) noexcept;
 
   ServerState& state_;
   const ServerExchange& exchange_;
   base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
-  UserIndexer indexer_;
-  bool nodes_publish_ = false;    ///< CD nodes publish what they host in this frame
-  bool cells_are_known_ = false;  ///< cells_ are valid except for objects that moved in this frame
-  bool is_final_ = false;         ///< user nodes may read: the publications of this frame no longer change
+  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame
+  bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
+  bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
 };
 
 }  // namespace ringfence::nodes

@@ -37,7 +37,6 @@ class Deadlines {
   bool check_gates(std::uint64_t now);
   bool check_users(std::uint64_t now);
   bool check_moves(std::uint64_t now);
-  bool is_overdue(const PeerSession& user, std::uint64_t now) const noexcept;
   void count_late(PeerSession& user);
 
   ServerState& state_;

@@ -36,6 +36,7 @@ struct Router {
     router.assign_next_hosts();
     router.start_nodes();
     CHECK(state().all_nodes([&](PeerSession& node) { return router.notify(node); }));
+    for (UserConnection& peers : state().user_connections) peers.end_run.start(0);
     router.start_users();
     CHECK(router.notify_users());
     REQUIRE(state().ledger.complete());
@@ -77,9 +78,12 @@ TEST_CASE("a contact goes from the server to the user node that hosts one of its
   const auto to_user = test.notified(Endpoint::user(0));
   REQUIRE(to_user.size() == 1);
   CHECK(to_user[0].a == test.objects().row(avatar).object.number);
-  CHECK(test.notified(Endpoint::user(1)).empty());
+  const auto to_other = test.fixture.sent_to(Endpoint::user(1));
+  REQUIRE(to_other.size() == 1);  // without contacts, only the end
+  CHECK(to_other[0].header.destination == Endpoint::all_users().value);
+  CHECK(to_other[0].header.count == 0);
   CHECK(test.state().report().contacts == 2);
-  CHECK(test.state().awaited_users == 2);
+  CHECK(!test.state().users_are_done());
   CHECK(!test.router.notify_users());  // once
 }
 
@@ -93,7 +97,6 @@ TEST_CASE("only user nodes receive ended contacts, in order with the others") {
   test.route();
   REQUIRE(test.notified(Endpoint::user(0)).size() == 1);
   test.notified(Endpoint::node(0));
-  test.state().users[0].closing.notices.clear();
   test.state().frame = 2;
   test.state().ledger.begin(2);
   test.find(0, avatar, comes);

@@ -162,10 +162,10 @@ TEST_CASE("a map that precedes the frame comes first, and refused records of the
   Cuts test;
   test.fixture.connect(0);
   test.state().users[0].received.refusals.push_back({7, static_cast<std::uint32_t>(Status::not_host)});
-  test.state().users[0].received.states = true;
+  test.state().refused_users.push_back(0);
   test.state().map_change.precedes_frame = true;
   test.cut();
-  CHECK(!test.state().users[0].received.states);
+  CHECK(test.state().refused_users.empty());
   CHECK(test.open(Endpoint::node(0)) == Types{MessageType::region_map, MessageType::frame_begin});
   CHECK(test.open(Endpoint::user(0)) == Types{MessageType::refused, MessageType::frame_begin});
   test.state().map_change.precedes_frame = false;

@@ -68,13 +68,14 @@ TEST_CASE("a user node is late if it does not report its moves, or acknowledge i
   test.state().stage = FrameStage::starting_nodes;
   CHECK(!test.deadlines.check(start + 2 * deadline));  // the frame has not started for users
   test.state().stage = FrameStage::moving;
-  test.state().users[1].received.states = test.state().users[2].received.states = true;
+  test.state().await_users();
+  for (const UserNumber user : {1u, 2u}) test.state().received_from(test.state().users[user]).states = true;
   CHECK(!test.deadlines.check(start + deadline));
   CHECK(test.deadlines.check(start + deadline + 1));
   CHECK(test.state().report().late == std::vector<UserId>{UserId(0)});
   test.state().stage = FrameStage::notifying_users;
   test.state().notify_ns = start + 5 * deadline;
-  test.state().users[1].received.frame_done = true;
+  test.state().user_connections[1].frame_done = true;
   CHECK(!test.deadlines.check(start + 6 * deadline));
   CHECK(test.deadlines.check(start + 6 * deadline + 1));
   CHECK(test.state().report().late == std::vector<UserId>{UserId(0), UserId(2)});
