@@ -240,14 +240,6 @@ void add(const Side& a, const Side& b, const std::string& name, Variant variant,
   if (variant == Variant::cold) registered->Iterations(40);
 }
 
-/// Whether the kernel of the pair is compiled for the target. Without it Highway would run plain C++ under its name.
-bool has_kernel(const Side& a, const Side& b, const std::string& target) {
-  if (target != "avx3_dl") return true;
-  const bool hull = a.kind == ShapeKind::hull || b.kind == ShapeKind::hull;
-  const bool mesh = a.kind == ShapeKind::mesh || b.kind == ShapeKind::mesh;
-  return hull && !mesh;  // as narrow_phase/targets.hpp states
-}
-
 void add_all(const Side& a, const Side& b) {
   for (const Implementation& implementation : implementations) {
     if (!implementation.tests(a, b)) continue;
@@ -257,7 +249,7 @@ void add_all(const Side& a, const Side& b) {
   }
   add(a, b, "ringfence", Variant::few);
   for (const std::string& target : narrow_phase::targets()) {
-    if (has_kernel(a, b, target)) add(a, b, "ringfence", Variant::mix, target);
+    add(a, b, "ringfence", Variant::mix, target);
   }
   if (a.kind != ShapeKind::hull || b.kind != ShapeKind::hull) return;  // only hulls use the axis cache
   for (const bool remember : {true, false}) {

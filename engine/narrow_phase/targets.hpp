@@ -7,8 +7,8 @@
 namespace ringfence::narrow_phase {
 
 /// The instruction sets for which the kernels are compiled and which this machine supports, best first; the last is
-/// plain C++ without intrinsics. The names are Highway's in lower case: "avx3_dl" (AVX-512 of Ice Lake and later;
-/// kernels of hulls only), "avx3" (AVX-512), "avx2", "sse4", "neon", "emu128".
+/// plain C++ without intrinsics. The names are Highway's in lower case: "avx3_dl" (AVX-512 of Ice Lake and later),
+/// "avx3" (AVX-512), "avx2", "sse4", "neon", "emu128".
 std::vector<std::string> targets();
 
 /// For tests and benchmarks: makes every Highway kernel of the process use the target `name`, one of `targets()`. An

@@ -58,4 +58,5 @@ inline Reach near_reach_of(const BoxTree& tree, const AskedShape& asked) noexcep
   reach.limit = std::nextafter(static_cast<float>(radius_of(asked.shape)), std::numeric_limits<float>::infinity());
   return reach;
 }
+
 }  // namespace ringfence::queries

@@ -84,7 +84,7 @@ void FramePart::sort() {
 }
 
 // Sorting takes twice as long as an index. Where objects move at 10 m/s in a world of 160 m, an order lasts for eleven
-// frames with this bound, and searches visit a quarter more boxes on average than just after sorting.
+// frames with this bound.
 bool FramePart::is_good() const noexcept {
   constexpr double most = 1.5;
   return tree_.cost() <= most * order_->cost;

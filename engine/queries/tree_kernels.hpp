@@ -31,8 +31,8 @@ struct StreamMemory {
 };
 
 /// A search for a batch: sets the candidates to the boxes that each query reaches, in the order of the queries and then
-/// of the tree. False if there is too little room for them, or for what is reached in a level above. The room is for
-/// more than the queries. Adds the number of boxes that were compared to `boxes`.
+/// of the tree. False if there is too little room for them, or for what is reached in a level above. Precondition:
+/// the room is larger than the number of queries. Adds the number of boxes that were compared to `boxes`.
 using BatchSearch = bool (*)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory,
                              Candidates& out, std::uint64_t& boxes);
 

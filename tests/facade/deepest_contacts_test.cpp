@@ -156,7 +156,9 @@ TEST_CASE("in every deployment and placement the list, its phases, users and mod
       std::vector<std::uint64_t> own_prints;
       for (std::size_t frame = 0; frame < 24; ++frame) {
         CAPTURE(frame);
-        if (config.nodes > 1 && frame % 7 == 5) REQUIRE(world.resize(static_cast<std::uint32_t>(1 + frame % 5)) == Status::ok);
+        if (config.nodes > 1 && frame % 7 == 5) {
+          REQUIRE(world.resize(static_cast<std::uint32_t>(1 + frame % 5)) == Status::ok);
+        }
         advance(world);
         if (frame == all_of.size()) all_of.push_back(all_contacts(world, shapes));
         const Depths& all = all_of[frame];

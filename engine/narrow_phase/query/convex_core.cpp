@@ -7,6 +7,7 @@
 #include "narrow_phase/query/hull_features.hpp"
 
 namespace ringfence::narrow_phase {
+
 ConvexCore::ConvexCore(const geometry::ShapeView& shapes, ShapeNumber shape, const Placement& placement)
     : kind_(Kind::box), placement_(placement) {
   const geometry::ShapeRow& row = shapes.row(shape);

@@ -6,7 +6,7 @@
 // This must follow foreach_target.h, which includes this file once for each target.
 #include <cstddef>
 
-#include <hwy/highway.h>
+#include "narrow_phase/simd/lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -17,27 +17,15 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Floats = hn::CappedTag<float, 16>;
 using Doubles = hn::CappedTag<double, 8>;
 
-template <class D>
-struct Triple {
-  hn::Vec<D> x, y, z;
-
-  template <class P>
-  static HWY_INLINE Triple all(const P& p) {
-    const D d;
-    using T = hn::TFromD<D>;
-    return {hn::Set(d, static_cast<T>(p.x)), hn::Set(d, static_cast<T>(p.y)), hn::Set(d, static_cast<T>(p.z))};
-  }
-};
-// In the order of dot() in geometry/vector.hpp.
-template <class D>
-HWY_INLINE hn::Vec<D> dot(const Triple<D>& p, const Triple<D>& q) {
-  return hn::Add(hn::Add(hn::Mul(p.x, q.x), hn::Mul(p.y, q.y)), hn::Mul(p.z, q.z));
+template <class D, class Point>
+HWY_INLINE Vector<D> set_all(D d, const Point& p) {
+  return {hn::Set(d, p.x), hn::Set(d, p.y), hn::Set(d, p.z)};
 }
-HWY_INLINE Triple<Floats> load(const float* x, const float* y, const float* z) {
+HWY_INLINE Vector<Floats> load_floats(const float* x, const float* y, const float* z) {
   const Floats d;
   return {hn::Load(d, x), hn::Load(d, y), hn::Load(d, z)};
 }
-HWY_INLINE Triple<Doubles> load_doubles(const float* x, const float* y, const float* z) {
+HWY_INLINE Vector<Doubles> load_doubles(const float* x, const float* y, const float* z) {
   const Doubles d;
   const hn::Rebind<float, Doubles> floats;
   return {hn::PromoteTo(d, hn::LoadU(floats, x)), hn::PromoteTo(d, hn::LoadU(floats, y)),
@@ -76,52 +64,56 @@ HWY_INLINE Largest<D> find_largest(std::size_t count, const ValueAt& value_at) {
 }
 
 std::uint32_t farthest_vertex_of(const geometry::Hull& hull, const Vec3d& direction) {
-  const auto along = Triple<Doubles>::all(direction);
-  return find_largest<Doubles>(
-             hull.vertex_count(),
-             [&](std::size_t i) HWY_ATTR { return dot(along, load_doubles(hull.x() + i, hull.y() + i, hull.z() + i)); })
+  const Doubles d;
+  const Vector<Doubles> along = set_all(d, direction);
+  return find_largest<Doubles>(hull.vertex_count(),
+                               [&](std::size_t i) HWY_ATTR {
+                                 return dot(d, along, load_doubles(hull.x() + i, hull.y() + i, hull.z() + i));
+                               })
       .feature;
 }
 
 double farthest_plane_of(const geometry::Hull& hull, const Vec3d& point) {
-  const auto at = Triple<Doubles>::all(point);
+  const Doubles d;
+  const Vector<Doubles> at = set_all(d, point);
   const hn::Rebind<float, Doubles> floats;
   return find_largest<Doubles>(
              hull.face_count(),
              [&](std::size_t i) HWY_ATTR {
                const auto normal = load_doubles(hull.normal_x() + i, hull.normal_y() + i, hull.normal_z() + i);
-               return hn::Sub(dot(normal, at), hn::PromoteTo(Doubles(), hn::LoadU(floats, hull.offset() + i)));
+               return hn::Sub(dot(d, normal, at), hn::PromoteTo(d, hn::LoadU(floats, hull.offset() + i)));
              })
       .value;
 }
 
 HighestFace highest_face_of(const geometry::Hull& hull, const Vec3f& point) {
-  const auto at = Triple<Floats>::all(point);
+  const Floats d;
+  const Vector<Floats> at = set_all(d, point);
   const auto found = find_largest<Floats>(hull.face_count(), [&](std::size_t i) HWY_ATTR {
-    const auto normal = load(hull.normal_x() + i, hull.normal_y() + i, hull.normal_z() + i);
-    return hn::Sub(dot(normal, at), hn::Load(Floats(), hull.offset() + i));
+    const auto normal = load_floats(hull.normal_x() + i, hull.normal_y() + i, hull.normal_z() + i);
+    return hn::Sub(dot(d, normal, at), hn::Load(d, hull.offset() + i));
   });
   return {found.feature, found.value};
 }
 
 std::uint32_t nearest_edge_of(const geometry::Hull& hull, const Vec3f& point) {
   const Floats d;
+  const Vector<Floats> at = set_all(d, point);
   const auto column = [&](geometry::EdgeColumn of, std::size_t i) { return hull.edge_column(of) + i; };
   return find_largest<Floats>(
              hull.edge_count(),
              [&](std::size_t i) HWY_ATTR {
                using geometry::EdgeColumn;
-               const auto along =
-                   load(column(EdgeColumn::along_x, i), column(EdgeColumn::along_y, i), column(EdgeColumn::along_z, i));
-               const Triple<Floats> away{hn::Sub(hn::Set(d, point.x), hn::Load(d, column(EdgeColumn::from_x, i))),
-                                         hn::Sub(hn::Set(d, point.y), hn::Load(d, column(EdgeColumn::from_y, i))),
-                                         hn::Sub(hn::Set(d, point.z), hn::Load(d, column(EdgeColumn::from_z, i)))};
+               using geometry::EdgeColumn;
+               const Vector<Floats> along = load_floats(column(EdgeColumn::along_x, i), column(EdgeColumn::along_y, i),
+                                                        column(EdgeColumn::along_z, i));
+               const Vector<Floats> from = load_floats(column(EdgeColumn::from_x, i), column(EdgeColumn::from_y, i),
+                                                       column(EdgeColumn::from_z, i));
+               const Vector<Floats> away = subtract(d, at, from);
                const auto length = hn::Load(d, column(EdgeColumn::length, i));
-               const auto part = hn::Min(hn::Max(dot(away, along), hn::Zero(d)), length);
-               const Triple<Floats> left{hn::Sub(away.x, hn::Mul(along.x, part)),
-                                         hn::Sub(away.y, hn::Mul(along.y, part)),
-                                         hn::Sub(away.z, hn::Mul(along.z, part))};
-               return hn::Neg(dot(left, left));
+               const auto part = hn::Min(hn::Max(dot(d, away, along), hn::Zero(d)), length);
+               const Vector<Floats> left = subtract(d, away, scale(d, along, part));
+               return hn::Neg(dot(d, left, left));
              })
       .feature;
 }

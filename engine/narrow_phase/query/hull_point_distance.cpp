@@ -1,5 +1,6 @@
 #include "narrow_phase/query/hull_point_distance.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <optional>
@@ -55,7 +56,7 @@ bool hull_point_distance(const ConvexCore& core, const Vec3d& point, double radi
   const Vec3d local = core.to_own_axes(point);
   const Vec3f rounded = to_float(local);
   const HighestFace highest = highest_face(hull, rounded);
-  // The floats' rounding, and that of the planes: 2^-21 of the coordinates each.
+  // Far more than the rounding of the floats and of the planes.
   const double rounding = 0x1p-18 * (core.reach() + length(local));
   if (!(double{highest.height} > rounding)) return false;
   if (double{highest.height} - rounding > limit + radius) {

@@ -4,7 +4,7 @@
 
 namespace ringfence::narrow_phase {
 
-/// The distance of a point from a hull, as core_distance() returns it, in a third of the time.
+/// The distance of a point from a hull, as core_distance() returns it, with less work than its search.
 ///
 /// Returns false, and leaves `out` as it is, if that does not prove the distance to the same tolerance: where the point
 /// is in the hull or close to it, and where two features are about equally near. `radius`, metres, of a ball around the

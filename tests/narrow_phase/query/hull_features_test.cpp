@@ -112,7 +112,7 @@ TEST_CASE("most distances of a point from a hull are proven by a feature, and th
       const ConvexCore hull(shapes, place.shape, placement);
       Placement of_point;
       of_point.position = placement(place.point);
-      // A ball of no size around a segment of no length is no point for core_distance(), so that it searches.
+      // core_distance() does not take a triangle whose corners are one point for a point, so it searches.
       const Vec3d corners[3] = {of_point.position, of_point.position, of_point.position};
       const CoreDistance searched = core_distance(hull, ConvexCore::triangle(corners), infinity);
       CoreDistance found;

@@ -71,7 +71,7 @@ void add_shapes(geometry::ShapeTable& table, Fractions& numbers) {
   table.add(SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{0.5f, 1, 1.5f})});
 }
 
-TEST_CASE("answers to queries have the bits of the first build") {
+TEST_CASE("answers to queries have the same bits in every build") {
   Fractions numbers;
   geometry::ShapeTable table;
   add_shapes(table, numbers);

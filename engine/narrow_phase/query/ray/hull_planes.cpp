@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <limits>
 
-#include <hwy/highway.h>
+#include "narrow_phase/simd/lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -16,36 +16,28 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 using Doubles = hn::CappedTag<double, 8>;  // a column is padded to 16 values, so that no vector passes its end
-using Vector = hn::Vec<Doubles>;
 
-struct Triple {
-  Vector x, y, z;
-};
-HWY_INLINE Triple set(const Vec3d& p) {
+HWY_INLINE Vector<Doubles> set(const Vec3d& p) {
   const Doubles d;
   return {hn::Set(d, p.x), hn::Set(d, p.y), hn::Set(d, p.z)};
-}
-// In the order of dot() in geometry/vector.hpp.
-HWY_INLINE Vector dot(const Triple& p, const Triple& q) {
-  return hn::Add(hn::Add(hn::Mul(p.x, q.x), hn::Mul(p.y, q.y)), hn::Mul(p.z, q.z));
 }
 
 PlaneClip clip(const geometry::Hull& hull, const LocalRay& ray, double margin) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   const Doubles d;
   const hn::Rebind<float, Doubles> floats;
-  const Vector zero = hn::Zero(d), nowhere = hn::Set(d, -infinity), far = hn::Set(d, infinity);
-  const Triple foot = set(ray.foot), direction = set(ray.direction), origin = set(ray.origin);
-  Vector enter = nowhere, leave = far, farthest = nowhere, entered = zero, number = hn::Iota(d, 0);
+  const auto zero = hn::Zero(d), nowhere = hn::Set(d, -infinity), far = hn::Set(d, infinity);
+  const Vector<Doubles> foot = set(ray.foot), direction = set(ray.direction), origin = set(ray.origin);
+  auto enter = nowhere, leave = far, farthest = nowhere, entered = zero, number = hn::Iota(d, 0);
   for (std::size_t i = 0; i < hull.face_count(); i += hn::Lanes(d)) {
-    const Triple normal{hn::PromoteTo(d, hn::LoadU(floats, hull.normal_x() + i)),
-                        hn::PromoteTo(d, hn::LoadU(floats, hull.normal_y() + i)),
-                        hn::PromoteTo(d, hn::LoadU(floats, hull.normal_z() + i))};
-    const Vector offset = hn::PromoteTo(d, hn::LoadU(floats, hull.offset() + i));
-    farthest = hn::Max(farthest, hn::Sub(dot(normal, origin), offset));
-    const Vector at_foot = hn::Sub(dot(normal, foot), hn::Add(offset, hn::Set(d, margin)));
-    const Vector slope = dot(normal, direction);
-    const Vector place = hn::Neg(hn::Div(at_foot, slope));
+    const Vector<Doubles> normal{hn::PromoteTo(d, hn::LoadU(floats, hull.normal_x() + i)),
+                                 hn::PromoteTo(d, hn::LoadU(floats, hull.normal_y() + i)),
+                                 hn::PromoteTo(d, hn::LoadU(floats, hull.normal_z() + i))};
+    const auto offset = hn::PromoteTo(d, hn::LoadU(floats, hull.offset() + i));
+    farthest = hn::Max(farthest, hn::Sub(dot(d, normal, origin), offset));
+    const auto at_foot = hn::Sub(dot(d, normal, foot), hn::Add(offset, hn::Set(d, margin)));
+    const auto slope = dot(d, normal, direction);
+    const auto place = hn::Neg(hn::Div(at_foot, slope));
     const auto later = hn::And(hn::Lt(slope, zero), hn::Gt(place, enter));
     enter = hn::IfThenElse(later, place, enter);
     entered = hn::IfThenElse(later, number, entered);
