@@ -48,6 +48,8 @@ class StateRelay {
   /// `read_publications`, so that they read while the nodes test. If a ring is full, the message is sent
   /// together with the contacts: the server does not wait here.
   void allow_reading();
+  /// Whether user nodes may read. The contacts are not final before that, so no role misses a publication.
+  bool allows_reading() const noexcept { return is_final_; }
   /// Continues sending `read_publications`; true when it is sent.
   bool send_read_publications(UserConnection& peers) {
     return state_.send_to_all(peers, peers.read_publications_run, messages::MessageType::read_publications);
