@@ -67,11 +67,13 @@ bool Deadlines::check_gates(std::uint64_t now) {
   return true;
 }
 
+// With threads only a move may be late: what a user node does after it calls no motion model, so a silent thread has
+// not run, and that is the fault of none of its user nodes. The World needs the thread before the next frame anyway.
 bool Deadlines::check_users(std::uint64_t now) {
   if (state_.stage == FrameStage::starting_nodes) {
     return false;  // the frame has not started for users
   }
-  if (!state_.contacts_are_final() && state_.setup.order->caller != nullptr) {
+  if (state_.setup.order->caller != nullptr) {
     return check_moves(now);
   }
   const std::uint64_t since = state_.contacts_are_final() ? state_.notify_ns : state_.begin_ns;
@@ -82,14 +84,20 @@ bool Deadlines::check_users(std::uint64_t now) {
   for (const UserConnection& peers : state_.user_connections) {
     for (const UserNumber number : peers.users) {
       PeerSession& user = state_.users[number];
-      const bool done = state_.contacts_are_final() ? peers.frame_done : state_.has_reported(user);
-      if (!user.lost && !done) {
+      if (!user.lost && is_awaited(peers, user)) {
         count_late(user);
         changed = true;
       }
     }
   }
   return changed;
+}
+
+bool Deadlines::is_awaited(const UserConnection& peers, const PeerSession& user) const noexcept {
+  if (state_.contacts_are_final()) {
+    return !peers.frame_done;
+  }
+  return !state_.has_reported(user) || (state_.stage == FrameStage::colliding && !peers.published);
 }
 
 // If several user nodes of one thread have not reported, only the user node whose move does not end is late. The facade
