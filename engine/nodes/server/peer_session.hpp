@@ -68,12 +68,13 @@ struct PeerSession {
   messages::Endpoint self;
   NodeNumber id = 0;  ///< CD nodes: never used by another node, unlike the slot in `self`
   Connection connection;
-  bool connected = false;  ///< false: nothing else is valid; of a CD node: the slot is free
-  bool lost = false;       ///< lost in this frame: nothing more is sent to it or accepted from it
-  bool broken = false;     ///< in another process, and has broken the protocol: lost at the end of this step
-  bool leaving = false;    ///< must hand everything over at the end of this frame
-  bool left = false;       ///< hands everything over in this frame; its slot is free at the next cut
-  bool changes = false;    ///< users: listed in ServerState::changed_users
+  bool connected = false;             ///< false: nothing else is valid; of a CD node: the slot is free
+  bool lost = false;                  ///< lost in this frame: nothing more is sent to it or accepted from it
+  bool broken = false;                ///< in another process, and has broken the protocol: lost at the end of this step
+  bool leaving = false;               ///< must hand everything over at the end of this frame
+  bool left = false;                  ///< hands everything over in this frame; its slot is free at the next cut
+  bool changes = false;               ///< users: listed in UserConnection::changed
+  std::uint32_t user_connection = 0;  ///< users: position in ServerState::user_connections
 
   Received received;
   Opening opening;

@@ -61,17 +61,24 @@ void ServerState::connect(UserNumber user, const Connection& connection) {
     peers->connection = connection;
   }
   insert(peers->users);
+  session.user_connection = static_cast<std::uint32_t>(peers - user_connections.begin());
 }
 
 void ServerState::remove_disconnected() {
   const auto has_left = [this](UserNumber user) { return !users[user].connected; };
   std::erase_if(connected, has_left);
-  std::erase_if(changed_users, has_left);
   std::erase_if(refused_users, has_left);
   for (UserConnection& peers : user_connections) {
     std::erase_if(peers.users, has_left);
+    std::erase_if(peers.changed, has_left);
+    std::erase_if(peers.notified, has_left);
   }
   std::erase_if(user_connections, [](const UserConnection& peers) { return peers.users.empty(); });
+  for (std::uint32_t at = 0; at < user_connections.size(); ++at) {
+    for (const UserNumber user : user_connections[at].users) {
+      users[user].user_connection = at;
+    }
+  }
 }
 
 void ServerState::note_host_change(std::uint32_t slot) {
@@ -83,16 +90,9 @@ PeerSession::Opening* ServerState::opening_of(Endpoint peer) {
   PeerSession* const session = session_of(peer);
   if (session != nullptr && peer.is_user() && !session->changes) {
     session->changes = true;
-    changed_users.push_back(peer.number());
+    user_connections[session->user_connection].changed.push_back(peer.number());
   }
   return session == nullptr ? nullptr : &session->opening;
-}
-
-void ServerState::set_quiet_to_users(bool quiet) noexcept {
-  for (UserConnection& peers : user_connections) {
-    peers.connection.out->ring_unrung();
-    peers.connection.out->set_quiet(quiet);
-  }
 }
 
 }  // namespace ringfence::nodes

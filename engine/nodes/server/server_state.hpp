@@ -80,12 +80,9 @@ struct ServerState {
   std::vector<PeerSession> users;     ///< by user number
   std::vector<UserNumber> connected;  ///< users, ascending
   std::vector<UserConnection> user_connections;
-  std::size_t lost_users = 0;              ///< number of connected users that are lost
-  std::size_t awaited_users = 0;           ///< number of those from which the frame still needs states
-  std::vector<UserNumber> changed_users;   ///< those to which the next frame_begin sends something before it
-  std::vector<UserNumber> refused_users;   ///< those with refused records in this frame
-  std::vector<UserNumber> notified_users;  ///< those with contacts in this frame, ascending
-  std::size_t next_user = 0;  ///< in the list that is sent now: the first one to which not everything is sent
+  std::size_t lost_users = 0;                ///< number of connected users that are lost
+  std::size_t awaited_users = 0;             ///< number of those from which the frame still needs states
+  std::vector<UserNumber> refused_users;     ///< those with refused records in this frame
   std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
   std::vector<HandOver> hand_overs;          ///< of this frame
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
@@ -115,26 +112,28 @@ struct ServerState {
     }
     return all;
   }
-  /// Calls `send` for the users in the list that are not lost, from next_user on, until it returns false. Returns
-  /// whether it returned true for all.
+  /// Calls `send` for the users in a list of their connection that are not lost, from UserConnection::next on, until it
+  /// returns false. Returns whether it returned true for all.
   template <class Send>
-  bool send_to_users(std::span<const UserNumber> list, Send send) {
+  bool send_to_users(UserConnection& peers, std::span<const UserNumber> list, Send send) {
     constexpr std::size_t users_a_ring = 64, ahead = 8;
-    if (next_user == list.size()) {
+    if (peers.next == list.size()) {
       return true;
     }
-    set_quiet_to_users(true);
+    link::Sender& out = *peers.connection.out;
+    out.set_quiet(true);
     bool room = true;
-    while (room && next_user < list.size()) {
-      base::prefetch_object(users[list[std::min(next_user + ahead, list.size() - 1)]].closing);
-      PeerSession& user = users[list[next_user]];
+    while (room && peers.next < list.size()) {
+      base::prefetch_object(users[list[std::min(peers.next + ahead, list.size() - 1)]].closing);
+      PeerSession& user = users[list[peers.next]];
       room = user.lost || send(user);
-      next_user += room ? 1 : 0;
-      if (next_user % users_a_ring == 0) {
-        set_quiet_to_users(true);
+      peers.next += room ? 1 : 0;
+      if (peers.next % users_a_ring == 0) {
+        out.ring_unrung();
       }
     }
-    set_quiet_to_users(false);
+    out.ring_unrung();
+    out.set_quiet(false);
     return room;
   }
   /// Sends the users of a connection a message without records, once for all of them; true when it is sent. If all are
@@ -243,8 +242,6 @@ struct ServerState {
     return map.owner_at(point);
   }
   void note_host_change(std::uint32_t slot);
-  /// While quiet, messages to user threads ring no doorbells. Rings those that were not rung.
-  void set_quiet_to_users(bool quiet) noexcept;
 
   FrameReport& report() noexcept { return reports[frame & 1]; }
   /// Counts a refused message or record.

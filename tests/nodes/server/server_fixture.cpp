@@ -88,6 +88,16 @@ std::vector<SentMessage> ServerFixture::sent_to(Endpoint peer) {
   return sent;
 }
 
+void ServerFixture::fill(Endpoint peer) {
+  link::Sender& sender = peers_.at(peer.value)->to_peer.sender();
+  const messages::RunHeader head{MessageType::probe, Endpoint::server(), peer, state_->frame, state_->map.epoch()};
+  for (auto room = sender.claim(sizeof(messages::Header)); !room.empty(); room = sender.claim(room.size())) {
+    messages::write_header(room.data(), head, 0, 0, true, 0);
+    sender.commit(room.size());
+  }
+  sender.publish();
+}
+
 void ServerFixture::send(Endpoint from, MessageType type, std::size_t record_bytes, std::size_t count,
                          std::span<const std::byte> records, bool for_all) {
   const messages::RunHeader head{type, for_all ? Endpoint::all_users() : from, Endpoint::server(), state_->frame,

@@ -73,6 +73,8 @@ class ServerFixture {
   std::uint32_t add(const Vec3d& position, Endpoint host, Category category = Category::active, UserNumber user = 0);
   /// Takes the messages that were sent to a peer since the last call.
   std::vector<SentMessage> sent_to(Endpoint peer);
+  /// Leaves no room for messages to a peer, until sent_to() is called.
+  void fill(Endpoint peer);
   /// Sends a message from a peer, the last of its run.
   template <class Record>
   void send(Endpoint from, MessageType type, std::span<const Record> records) {

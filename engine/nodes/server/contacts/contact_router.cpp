@@ -109,20 +109,24 @@ void ContactRouter::start_nodes() {
 void ContactRouter::start_users() {
   list_notices();
   users_are_notified_ = false;
-  state_.next_user = 0;
-  std::sort(state_.notified_users.begin(), state_.notified_users.end());
-  for (const UserNumber user : state_.notified_users) {
-    PeerSession::Closing& closing = state_.users[user].closing;
-    closing.notice_run.start(closing.notices.size());
+  for (UserConnection& peers : state_.user_connections) {
+    std::sort(peers.notified.begin(), peers.notified.end());
+    for (const UserNumber user : peers.notified) {
+      PeerSession::Closing& closing = state_.users[user].closing;
+      closing.notice_run.start(closing.notices.size());
+    }
+    peers.next = 0;
   }
 }
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
 void ContactRouter::list_notices() {
-  for (const UserNumber user : state_.notified_users) {
-    state_.users[user].closing.notices.clear();
+  for (UserConnection& peers : state_.user_connections) {
+    for (const UserNumber user : peers.notified) {
+      state_.users[user].closing.notices.clear();
+    }
+    peers.notified.clear();
   }
-  state_.notified_users.clear();
   notices_ = state_.ledger.notices(!state_.nodes_host());
   ended_notices_ = state_.ledger.ended_notices(!state_.nodes_host());
   std::uint32_t next_ended = 0;
@@ -145,7 +149,7 @@ void ContactRouter::list_notice(std::uint32_t notice, const Found& found) {
   const auto notify_host = [&](Endpoint host) {
     if (PeerSession* session = host.is_user() ? state_.session_of(host) : nullptr) {
       if (session->closing.notices.empty()) {
-        state_.notified_users.push_back(host.number());
+        state_.user_connections[session->user_connection].notified.push_back(host.number());
       }
       session->closing.notices.push_back(notice);
     }
@@ -185,22 +189,17 @@ bool ContactRouter::notify_user(PeerSession& user) {
                      [&](std::size_t i) { return contact_of(closing.notices[i]); });
 }
 
-// First all contacts, then one message to the users of each connection that says so.
+// On each connection first all contacts, then one message to all its users that says so.
 bool ContactRouter::notify_users() {
   if (users_are_notified_) {
     return false;
   }
   users_are_notified_ = true;
   for (UserConnection& peers : state_.user_connections) {
-    users_are_notified_ &= relay_.send_read_publications(peers);
-  }
-  users_are_notified_ = users_are_notified_ && state_.send_to_users(state_.notified_users, [this](PeerSession& user) {
-    return notify_user(user);
-  });
-  if (users_are_notified_) {
-    for (UserConnection& peers : state_.user_connections) {
-      users_are_notified_ &= state_.send_to_all(peers, peers.end_run, MessageType::notify);
-    }
+    users_are_notified_ &=
+        relay_.send_read_publications(peers) &&
+        state_.send_to_users(peers, peers.notified, [this](PeerSession& user) { return notify_user(user); }) &&
+        state_.send_to_all(peers, peers.end_run, MessageType::notify);
   }
   return true;
 }

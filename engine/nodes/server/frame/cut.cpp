@@ -354,12 +354,12 @@ void Cut::start_users() {
     session.received.refusals.clear();
   }
   state_.refused_users.clear();
-  std::sort(state_.changed_users.begin(), state_.changed_users.end());
-  for (const UserNumber user : state_.changed_users) {
-    start_runs(state_.users[user].opening);
-  }
-  state_.next_user = 0;
   for (UserConnection& peers : state_.user_connections) {
+    std::sort(peers.changed.begin(), peers.changed.end());
+    for (const UserNumber user : peers.changed) {
+      start_runs(state_.users[user].opening);
+    }
+    peers.next = 0;
     peers.begin_run.start(0);
     peers.end_run.start(0);
     peers.published = peers.frame_done = false;
@@ -368,19 +368,24 @@ void Cut::start_users() {
 }
 
 bool Cut::open_users() {
-  if (!state_.send_to_users(state_.changed_users, [this](PeerSession& user) { return send_changes(user); })) {
-    return false;
-  }
-  for (const UserNumber user : state_.changed_users) {
-    state_.users[user].changes = false;
-  }
-  state_.changed_users.clear();
-  state_.next_user = 0;
   bool all = true;
   for (UserConnection& peers : state_.user_connections) {
-    all &= state_.send_to_all(peers, peers.begin_run, MessageType::frame_begin);
+    all &= state_.send_to_users(peers, peers.changed, [this](PeerSession& user) { return send_changes(user); }) &&
+           state_.send_to_all(peers, peers.begin_run, MessageType::frame_begin);
+  }
+  if (all) {
+    forget_changes();
   }
   return all;
+}
+
+void Cut::forget_changes() noexcept {
+  for (UserConnection& peers : state_.user_connections) {
+    for (const UserNumber user : peers.changed) {
+      state_.users[user].changes = false;
+    }
+    peers.changed.clear();
+  }
 }
 
 void Cut::start_runs(PeerSession::Opening& opening) noexcept {

@@ -60,6 +60,7 @@ class Cut {
   void list_changed();
   void rehost(const HostChange& change);
   void start(PeerSession& node);
+  void forget_changes() noexcept;
   static void start_runs(PeerSession::Opening& opening) noexcept;
   bool send_changes(PeerSession& session);
 

@@ -87,6 +87,24 @@ TEST_CASE("a contact goes from the server to the user node that hosts one of its
   CHECK(!test.router.notify_users());  // once
 }
 
+TEST_CASE("a user thread without room does not delay the contacts of the user nodes of other threads") {
+  Router test({.nodes = 1});
+  for (const UserNumber user : {0u, 1u}) test.fixture.connect(user);
+  const std::uint32_t first = test.fixture.add({1, 1, 1}, Endpoint::user(0), Category::avatar, 0);
+  const std::uint32_t second = test.fixture.add({1.5, 1, 1}, Endpoint::user(1), Category::avatar, 1);
+  test.find(0, first, second);
+  test.fixture.fill(Endpoint::user(0));
+  test.route();
+  CHECK(test.notified(Endpoint::user(1)).size() == 1);
+  CHECK(test.state().user_connections[1].end_run.done());
+  CHECK(!test.state().user_connections[0].end_run.done());
+  test.fixture.sent_to(Endpoint::user(0));  // makes room
+  CHECK(test.router.notify_users());
+  CHECK(test.notified(Endpoint::user(0)).size() == 1);
+  CHECK(test.state().user_connections[0].end_run.done());
+  CHECK(test.fixture.sent_to(Endpoint::user(1)).empty());
+}
+
 TEST_CASE("only user nodes receive ended contacts, in order with the others") {
   Router test({.nodes = 1});
   test.fixture.connect(0);
