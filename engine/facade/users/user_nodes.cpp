@@ -138,17 +138,6 @@ void UserNodes::forget(std::span<const UserNumber> users) {
   }
 }
 
-// Late user nodes are not stepped any more, so none of them reads publications of the next frame. Those whose model has
-// not returned were removed from their threads within the frame.
-void UserNodes::part_with_late(std::span<const UserId> users) {
-  for (const UserId user : users) {
-    nodes_.at(user.number())->late = true;
-  }
-  if (!users.empty()) {
-    assign_roles();
-  }
-}
-
 void UserNodes::free_stalled() {
   std::erase_if(stalled_, [](const auto& user) { return user->abandoned->worker->has_ended(); });
 }
