@@ -181,11 +181,13 @@ Step UserThreadRole::move_all() {
 // to other roles.
 bool UserThreadRole::move(UserRole& user) {
   const Span span(setup_.parts.track, "move");
+  // Read before the move begins: an abandoned thread may be in it when the World sets the frame for the next move.
+  const queries::RecordedFrame* const sensed = setup_.publications->sensed;
   MoveWatch* const watch = setup_.parts.watch;
   if (watch != nullptr) {
     watch->enter(user.number());
   }
-  user.move(frame_, scratch_, setup_.publications->sensed);
+  user.move(frame_, scratch_, sensed);
   return watch == nullptr || watch->leave();
 }
 
