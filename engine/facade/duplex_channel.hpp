@@ -11,7 +11,7 @@
 namespace ringfence::facade {
 
 /// A duplex channel between two roles: one link::Channel in each direction. Between the server and a CD node of this
-/// process it also owns the memory that they share.
+/// process, or a user thread, it also owns the memory that they share.
 ///
 /// It outlives every use of the two Connections. Threads: each Connection belongs to the thread that steps its role.
 struct DuplexChannel {
@@ -30,7 +30,7 @@ struct DuplexChannel {
   link::Channel forward;                                ///< from the first role to the second
   link::Channel backward;                               ///< from the second role to the first
   std::unique_ptr<nodes::NodeContacts> node_contacts;   ///< null: the roles share no contacts
-  std::unique_ptr<nodes::NodePublication> publication;  ///< null: the server publishes what the CD node hosts
+  std::unique_ptr<nodes::HostPublication> publication;  ///< null: the server publishes what the host has
 };
 
 }  // namespace ringfence::facade

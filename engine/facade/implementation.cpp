@@ -136,7 +136,7 @@ bool World::Implementation::inject(const Fault& fault) {
 
 const nodes::UserRole* World::Implementation::reader(UserId user) const noexcept {
   const facade::User* found = frames == 0 ? nullptr : users.find(user.number());
-  return found == nullptr || found->late ? nullptr : found->role.get();
+  return found == nullptr || found->late ? nullptr : &found->role;
 }
 
 std::uint32_t World::Implementation::slot_of(ObjectId object) const noexcept {

@@ -95,7 +95,6 @@ Status World::finish_frame() try {
   if (!w.batches.empty()) {
     w.batches.answer(*w.server, w.report, [this] { return snapshot(); });
   }
-  w.users.part_with_late(w.report.late);
   w.complete_report();
   w.free_gone_roles();
   for (const UserId user : w.report.late) {

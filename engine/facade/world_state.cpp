@@ -78,13 +78,12 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
-      publications{interest_grid(config, space), &space, {}, {}, {}, {}, nullptr},
+      publications{interest_grid(config, space), &space, {}, {}, nullptr},
       server_publication(publications.grid.cells(), nodes_publish() ? 0 : config.capacities.objects),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
       starter(config, halt) {
   publications.server.publication = &server_publication;
-  publications.users.reserve(config.capacities.users);
   order.caller = threaded() ? &caller_bell : nullptr;
   order.ordered = order.completed = first_frame;
 }

@@ -16,7 +16,7 @@ namespace {
 /// frame. Without a directory a reader needs a binary search for each look-up, at about 5 ns a step.
 constexpr std::size_t max_directory_entries_per_state = 4;
 
-/// So few states are found without a directory. Most user nodes publish one state, and there are many of them.
+/// So few states are found without a directory.
 constexpr std::size_t few_states = 8;
 
 /// Reader: orders its reads of a buffer before its second test of the stamp. Writer: orders the reset of the stamp
@@ -64,10 +64,16 @@ void Publication::publish() {
   if (ascending_) {
     FrameBuffer& buffer = order_keys();
     buffer.states.swap(added_);
+    places_.clear();
     finish(buffer);
   } else {
+    places_.resize(added_.size());
+    std::uint32_t place = 0;
     publish_indexed([this](std::uint32_t i) { base::prefetch_for_read(&added_[i]); },
-                    [this](std::uint32_t i) -> const PublishedState& { return added_[i]; });
+                    [&](std::uint32_t i) -> const PublishedState& {
+                      places_[i] = place++;
+                      return added_[i];
+                    });
   }
 }
 
@@ -177,6 +183,7 @@ void Publication::collect_cells(FrameBuffer& buffer) {
     buffer.starts.push_back(static_cast<std::uint32_t>(i));
   }
   buffer.starts.push_back(static_cast<std::uint32_t>(key_count_));
+  list_blocks(buffer);
 }
 
 /// Like collect_cells, but from the directory. Writes every cell of the box to the list; the next cell overwrites it if
@@ -206,14 +213,44 @@ void Publication::collect_cells_dense(FrameBuffer& buffer) {
   buffer.starts.back() = static_cast<std::uint32_t>(key_count_);
 }
 
+/// About as many blocks as cells with states, so that a search in a block is short unless the block is crowded. A few
+/// cells are searched without.
+void Publication::list_blocks(FrameBuffer& buffer) const {
+  const std::size_t size = buffer.cells.size();
+  buffer.block_log2 = no_blocks;
+  if (size <= few_states) {
+    return;
+  }
+  unsigned log2 = 0;
+  while ((cell_count_ - 1) >> log2 >= size) ++log2;
+  buffer.block_log2 = log2;
+  const std::size_t blocks = ((cell_count_ - 1) >> log2) + 1;
+  buffer.directory.resize(blocks + 1);
+  std::size_t block = 0;
+  for (std::size_t i = 0; i < size; ++i) {
+    for (; block <= buffer.cells[i] >> log2; ++block) buffer.directory[block] = static_cast<std::uint32_t>(i);
+  }
+  std::fill(buffer.directory.begin() + static_cast<std::ptrdiff_t>(block), buffer.directory.end(),
+            static_cast<std::uint32_t>(size));
+}
+
+std::span<const std::uint32_t> Publication::block_of(const FrameBuffer& buffer, std::uint32_t cell) noexcept {
+  const std::span<const std::uint32_t> cells = buffer.cells;
+  if (buffer.block_log2 == no_blocks) return cells;
+  const std::size_t last_block = buffer.directory.size() - 2;
+  const std::uint32_t* const starts =
+      buffer.directory.data() + std::min<std::size_t>(cell >> buffer.block_log2, last_block);
+  return cells.subspan(starts[0], starts[1] - starts[0]);
+}
+
 std::span<const PublishedState> Publication::read_sparse(const FrameBuffer& buffer, std::uint32_t first,
                                                          std::uint32_t last) noexcept {
-  const PublishedState* states = buffer.states.data();
-  const auto begin = buffer.cells.begin(), end = buffer.cells.end();
-  const auto from = std::lower_bound(begin, end, first);
-  const auto to = first == last ? from + (from != end && *from == first) : std::upper_bound(from, end, last);
-  return {states + buffer.starts[static_cast<std::size_t>(from - begin)],
-          states + buffer.starts[static_cast<std::size_t>(to - begin)]};
+  const auto of_first = block_of(buffer, first), of_last = block_of(buffer, last);
+  const std::uint32_t* const cells = buffer.cells.data();
+  const auto from = std::lower_bound(of_first.data(), of_first.data() + of_first.size(), first) - cells;
+  const auto to = std::upper_bound(of_last.data(), of_last.data() + of_last.size(), last) - cells;
+  const PublishedState* const states = buffer.states.data();
+  return {states + buffer.starts[static_cast<std::size_t>(from)], states + buffer.starts[static_cast<std::size_t>(to)]};
 }
 
 std::span<const PublishedState> Publication::states(std::uint64_t frame) const noexcept {

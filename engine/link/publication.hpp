@@ -56,9 +56,9 @@ using PublishedState = SeenState;
 /// Cost: proportional to the number of states, not of cells. Adding copies a state. Publishing moves no state if they
 /// were added in ascending order of cell. Otherwise it sorts keys (by counting if there are few cells a state, else by
 /// radix or comparison) and moves each state once. Reading a cell is one index if the states are dense, else a binary
-/// search over the non-empty cells. Only the cells in the smallest box that contains all states count for this, so many
-/// writers that each cover a box cost no more than one writer that covers all cells. Readers copy nothing and write no
-/// cache line, so they do not disturb each other.
+/// search over the non-empty cells of a block that has one on average. Only the cells in the smallest box that contains
+/// all states count for this, so many writers that each cover a box cost no more than one writer that covers all cells.
+/// Readers copy nothing and write no cache line, so they do not disturb each other.
 ///
 /// Threads: one writer thread calls begin, add and publish; any thread may call const functions. Memory: reserved by
 /// the constructor; grows between frames and never shrinks.
@@ -76,6 +76,8 @@ class Publication {
   void add(std::uint32_t cell, const PublishedState& state);
   /// Writer: groups the added states by cell and makes them visible, by one store.
   void publish();
+  /// Writer, after publish(): the position in states() of the state that was added as number `added`, from 0.
+  std::uint32_t place_of(std::uint32_t added) const noexcept { return places_.empty() ? added : places_[added]; }
 
   /// Writer, instead of add(): adds the state of `cell` that is entry `index` of a table which the writer keeps.
   void add_index(std::uint32_t cell, std::uint32_t index) {
@@ -182,16 +184,19 @@ class Publication {
   /// The states of one frame. `starts[i]` is the index of the first state of `cells[i]`; one more entry marks the end.
   struct alignas(cache_line_pair_bytes) FrameBuffer {
     std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the other members are complete
-    bool dense = false;                          ///< whether `directory` is filled
+    bool dense = false;                          ///< whether `directory` has an entry for each cell
+    unsigned block_log2 = no_blocks;             ///< if not dense
     Box box;
     std::vector<PublishedState> states;
     std::vector<std::uint32_t> cells;
     std::vector<std::uint32_t> starts;
-    std::vector<std::uint32_t>
-        directory;  ///< for each cell of the box, the number of states before it; one more entry for all
+    /// If dense: for each cell of the box, the number of states before it. Otherwise, unless block_log2 is no_blocks:
+    /// for each block of 2^block_log2 cells, the number of `cells` before it. One more entry for all.
+    std::vector<std::uint32_t> directory;
   };
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
+  static constexpr unsigned no_blocks = 32;
 
   static constexpr std::uint64_t key_of(std::uint32_t cell, std::uint32_t index) noexcept {
     return std::uint64_t{cell} << 32 | index;
@@ -246,6 +251,9 @@ class Publication {
   void sort_keys();
   void collect_cells(FrameBuffer& buffer);
   void collect_cells_dense(FrameBuffer& buffer);
+  void list_blocks(FrameBuffer& buffer) const;
+  /// The cells of a buffer that is not dense among which `cell` is, if it has states.
+  static std::span<const std::uint32_t> block_of(const FrameBuffer& buffer, std::uint32_t cell) noexcept;
 
   std::array<FrameBuffer, 2> buffers_;
   std::size_t cell_count_;
@@ -256,8 +264,9 @@ class Publication {
   std::uint64_t frame_ = 0;
   bool ascending_ = true;  ///< whether the states so far were added in ascending order of cell
   std::vector<PublishedState> added_;
-  std::size_t key_count_ = 0;        ///< number of used keys_
-  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_ or in the writer's table
+  std::vector<std::uint32_t> places_;  ///< of the added states; empty: they stay in the order of adding
+  std::size_t key_count_ = 0;          ///< number of used keys_
+  std::vector<std::uint64_t> keys_;    ///< cell << 32 | index in added_ or in the writer's table
   std::vector<std::uint64_t> sorted_;
   std::vector<std::uint32_t> entries_;  ///< directory entry of each key
 };

@@ -10,7 +10,7 @@
 namespace ringfence::nodes {
 
 struct NodeContacts;
-struct NodePublication;
+struct HostPublication;
 
 /// Result of a role's step. A role never blocks: it does what it can and returns.
 enum class Step : std::uint8_t {
@@ -34,8 +34,9 @@ struct Connection {
   link::Receiver* in = nullptr;
   /// What the CD node shares, with ExchangeKind::shared; otherwise null.
   NodeContacts* node_contacts = nullptr;
-  /// The same: publication of the CD node's hosted objects. Null for all nodes if users read no states.
-  NodePublication* publication = nullptr;
+  /// The publication of what the CD node hosts, with ExchangeKind::shared, or of what the user nodes of the thread
+  /// host. Null for all nodes if users read no states.
+  HostPublication* publication = nullptr;
 };
 
 /// What the CD nodes of a process share, by slot. One list for all of them.

@@ -57,7 +57,9 @@ void MedianSplits::sort(std::span<const RowBounds> bounds, std::vector<std::uint
   sort_by(
       [&](std::size_t i) {
         const geometry::Bounds& box = bounds[rows[i]].bounds;
-        const auto twice_centre = [&](std::size_t a) { return static_cast<double>(std::uint64_t{box.lower[a]} + box.upper[a]); };
+        const auto twice_centre = [&](std::size_t a) {
+          return static_cast<double>(std::uint64_t{box.lower[a]} + box.upper[a]);
+        };
         return Vec3d{twice_centre(0), twice_centre(1), twice_centre(2)};
       },
       rows);

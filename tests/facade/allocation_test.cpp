@@ -25,14 +25,22 @@ std::atomic<std::int64_t> until_failure{-1};
 /// If true, all allocations after the failed one fail too, until until_failure is set to a negative number.
 std::atomic<bool> keeps_failing{false};
 
+/// Whether this allocation fails. Other threads may allocate or set until_failure at any time, so it is changed only if
+/// it still has the value that was tested: otherwise an allocation that overlaps the end of an OutOfMemory could make
+/// all later ones fail.
+bool is_failing() {
+  std::int64_t left = until_failure.load();
+  std::int64_t next = 0;
+  do {
+    if (left < 0) return false;
+    next = left > 0 ? left - 1 : keeps_failing.load() ? 0 : -1;
+  } while (!until_failure.compare_exchange_weak(left, next));
+  return left == 0;
+}
+
 void count_allocation() {
   allocations.fetch_add(1, std::memory_order_relaxed);
-  if (until_failure.load(std::memory_order_relaxed) < 0) return;
-  const std::int64_t left = until_failure.fetch_sub(1);
-  if (left == 0 || (left < 0 && keeps_failing.load())) {
-    if (keeps_failing.load()) until_failure.store(0);
-    throw std::bad_alloc();
-  }
+  if (is_failing()) throw std::bad_alloc();
 }
 
 void* allocate(std::size_t bytes) {

@@ -73,6 +73,15 @@ struct Row {
   std::vector<ObjectId> avatars;
 };
 
+/// The objects whose states the user node read in the last frame.
+std::set<ObjectNumber> seen_by(const World& world, UserId user) {
+  std::set<ObjectNumber> numbers;
+  for (const auto run : world.seen_by(user)) {
+    for (const SeenState& state : run) numbers.insert(state.number);
+  }
+  return numbers;
+}
+
 WorldConfig config_with_user_deadline() {
   WorldConfig config;
   config.nodes = 2;
@@ -108,7 +117,9 @@ TEST_CASE("a user node whose model does not return affects neither the frames no
     CHECK(world.collisions_of(UserId(3)).size() == 1);
     CHECK(world.collisions_of(UserId(1)).empty());
     CHECK(world.seen_by(UserId(1)).empty());
-    CHECK(!world.seen_by(UserId(0)).empty());
+    CHECK(seen_by(world, UserId(0)) == std::set<ObjectNumber>{3, 4});
+    CHECK(seen_by(world, UserId(3)) == std::set<ObjectNumber>{1, 3});
+    CHECK(refused(world, Status::bad_message) == 0);
     // Its thread is still inside the model.
     row.add(UserId(700));
     REQUIRE(world.move(UserId(0), row.avatars[0], {{30, 10, 10}, {}}) == Status::ok);
@@ -149,6 +160,9 @@ TEST_CASE("user nodes of one thread that stall in the same frame are late one af
   std::vector<UserId> late = world.report().late;
   std::sort(late.begin(), late.end());
   CHECK(late == std::vector<UserId>{UserId(0), UserId(2), UserId(3)});
+  CHECK(seen_by(world, UserId(1)) == std::set<ObjectNumber>{5});
+  CHECK(seen_by(world, UserId(4)) == std::set<ObjectNumber>{2});
+  CHECK(refused(world, Status::bad_message) == 0);
   CHECK(world.collisions_of(UserId(1)).size() == 2);
   CHECK(world.collisions_of(UserId(4)).size() == 1);
   advance(world);

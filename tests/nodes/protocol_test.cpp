@@ -175,9 +175,13 @@ void check_order(const std::vector<LoggedMessage>& log, Endpoint from, Endpoint 
       ++at;
     }
     REQUIRE(at < order.size());
-    REQUIRE(seen.header.source == from.value);
-    const bool to_all =
-        to.is_user() && (seen.type() == MessageType::frame_begin || seen.type() == MessageType::read_publications);
+    // Those that end the contacts of a frame are without contacts.
+    const bool ends = seen.type() == MessageType::notify && seen.header.count == 0;
+    const bool to_all = to.is_user() && (ends || seen.type() == MessageType::frame_begin ||
+                                         seen.type() == MessageType::read_publications);
+    const bool from_all =
+        from.is_user() && (seen.type() == MessageType::published || seen.type() == MessageType::frame_done);
+    REQUIRE(seen.header.source == (from_all ? Endpoint::all_users() : from).value);
     REQUIRE(seen.header.destination == (to_all ? Endpoint::all_users() : to).value);
   }
 }
@@ -213,7 +217,7 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
   for (UserNumber user = 0; user < users; ++user) {
     check_order(log, Endpoint::server(), Endpoint::user(user),
                 {drop, adopt, place, notify, refused, frame_begin, read_publications, notify});
-    check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, frame_done});
+    check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, published, frame_done});
   }
   const auto is = [](MessageType type) { return [type](const LoggedMessage& seen) { return seen.type() == type; }; };
   const auto state = [](const LoggedMessage& seen) {
@@ -240,8 +244,8 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
     REQUIRE(first_of(log, is(read_publications)) > std::max(last_of(log, state), last_of(log, is(published))));
     REQUIRE(last_of(log, is(read_publications)) < first_of(log, m4));
     const bool publish = config.shares_memory && config.deployment == Deployment::user_collision;
-    REQUIRE(static_cast<std::uint32_t>(std::count_if(log.begin(), log.end(), is(published))) ==
-            (publish ? config.nodes : 0));
+    const auto by_node = [&](const LoggedMessage& seen) { return seen.type() == published && seen.from.is_node(); };
+    REQUIRE(static_cast<std::uint32_t>(std::count_if(log.begin(), log.end(), by_node)) == (publish ? config.nodes : 0));
   }
   if (const auto m5 = first_of(log, is(hand_over)); m5 >= 0) {
     REQUIRE(m5 > first_of(log, is(frame_end)));

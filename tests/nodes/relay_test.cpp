@@ -1,7 +1,9 @@
 // What user nodes see of objects that they do not host is the same, whichever role publishes it.
 #include <algorithm>
+#include <cstddef>
 #include <cstring>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -206,13 +208,56 @@ TEST_CASE("user nodes read while nodes test, and a loss at that time does not ch
             !of_node(MessageType::narrow_done)) {
           ++lost_late;
           // Nodes that have published do not publish again.
-          REQUIRE(run.harness.relays().size() == config.nodes);
+          REQUIRE(run.harness.relays().size() == config.nodes + 2);
         }
         run.frame();
       }
     }
     CHECK(lost_late >= config.nodes);
   }
+}
+
+/// What users have to say when their states can be read, held back until the CD nodes have tested for one round.
+class HeldPublished {
+ public:
+  explicit HeldPublished(TestHarness& harness) {
+    harness.tamper = [this](const LoggedMessage& seen, std::vector<std::vector<std::byte>>& instead) {
+      if (seen.type() == MessageType::published) {
+        held_.emplace_back(seen.from, seen.bytes);
+        instead.clear();
+      }
+    };
+    harness.between = [this, &harness] {
+      const auto tested = std::count_if(harness.log().begin(), harness.log().end(), [](const LoggedMessage& seen) {
+        return seen.type() == MessageType::narrow_done;
+      });
+      if (static_cast<std::size_t>(tested) < harness.nodes()) {
+        rounds_ = 0;
+      } else if (++rounds_ == 2) {  // the server has received all contacts
+        for (const auto& [user, bytes] : held_) harness.from(user.number()).forge(bytes);
+        held_.clear();
+      }
+    };
+  }
+  HeldPublished(const HeldPublished&) = delete;
+  HeldPublished& operator=(const HeldPublished&) = delete;
+
+ private:
+  std::vector<std::pair<Endpoint, std::vector<std::byte>>> held_;
+  int rounds_ = 0;
+};
+
+TEST_CASE(
+    "a user thread that publishes after all nodes have tested is waited for, and every user node sees its states") {
+  in_all_configs([](const HarnessConfig& config) {
+    RelayRun run(config, 5);
+    const HeldPublished held(run.harness);
+    for (int frame = 0; frame < 12; ++frame) {
+      CAPTURE(frame);
+      run.frame();
+      REQUIRE(run.harness.report().refused[static_cast<std::size_t>(Status::bad_message)] == 0);
+    }
+  });
 }
 
 TEST_CASE("losses of several nodes, together or one after another, do not change what user nodes see") {
@@ -237,7 +282,7 @@ TEST_CASE("nodes publish only states in their regions, so user nodes skip most p
   for (int frame = 0; frame < 12; ++frame) {
     run.frame();
     const auto relays = run.harness.relays();
-    REQUIRE(relays.size() == 3);
+    REQUIRE(relays.size() >= 3);  // and those of the user nodes
     for (const Published* relay : relays) {
       const auto cells = relay->publication->cells(run.harness.last());
       const regions::CellBox& cell_range = relay->cell_range[run.harness.last() & 1];

@@ -78,7 +78,7 @@ TestHarness::TestHarness(const HarnessConfig& config)
 struct TestHarness::ServerChannel {
   TappedChannel to_node, from_node;
   NodeContacts node_contacts;
-  std::optional<NodePublication> publication;
+  std::optional<HostPublication> publication;
 };
 
 facade::NodePoolSetup TestHarness::pool_setup() {
@@ -108,7 +108,7 @@ facade::PoolChannel TestHarness::connect_to_server(const facade::PoolNode& node)
   if (config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0) {
     channel->publication.emplace(config_.grid, 16);
   }
-  NodePublication* const publication = channel->publication ? &*channel->publication : nullptr;
+  HostPublication* const publication = channel->publication ? &*channel->publication : nullptr;
   return {{&channel->to_node.sender(), &channel->from_node.receiver(), node_contacts, publication},
           {&channel->from_node.sender(), &channel->to_node.receiver(), node_contacts, publication},
           channel};
@@ -246,25 +246,21 @@ void TestHarness::connect(UserNumber number) {
                                             Endpoint::user(number));
   user.out = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::user(number),
                                              Endpoint::server());
-  user.publication = std::make_unique<link::Publication>(config_.grid.cells(), 16);
+  user.publication = std::make_unique<HostPublication>(config_.grid, 16);
+  user.reader = std::make_unique<InterestReader>(publications_, config_.interest);
   UserSetup setup;
   setup.user = number;
   setup.model = config_.model;
-  setup.publications = &publications_;
-  setup.interest = config_.interest;
-  setup.server = &user.out->sender();
   user.role = std::make_unique<UserRole>(setup);
-  const Connection connection{&user.out->sender(), &user.in->receiver()};
-  user.thread = std::make_unique<UserThreadRole>(connection, std::vector<UserRole*>{user.role.get()}, 0);
-  if (publications_.users.size() <= number) {
-    publications_.users.resize(number + 1);
-  }
-  publications_.users[number] = {};
-  publications_.users[number].publication = user.publication.get();
+  UserThreadSetup thread;
+  thread.server = {&user.out->sender(), &user.in->receiver(), nullptr, user.publication.get()};
+  thread.publications = &publications_;
+  thread.parts.reader = user.reader.get();
+  user.thread = std::make_unique<UserThreadRole>(thread, std::vector<UserRole*>{user.role.get()});
   Request request;
   request.kind = Request::Kind::connect;
   request.user = number;
-  request.connection = {&user.in->sender(), &user.out->receiver()};
+  request.connection = {&user.in->sender(), &user.out->receiver(), nullptr, user.publication.get()};
   requests_.push_back(request);
 }
 
@@ -323,7 +319,6 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
   merge_answers();
   remove_gone_nodes();
   for (const UserNumber number : leaving_) {
-    publications_.users[number] = {};
     users_.erase(number);
   }
   leaving_.clear();

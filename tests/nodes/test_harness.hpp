@@ -202,7 +202,8 @@ class TestHarness {
 
   struct User {
     std::unique_ptr<TappedChannel> in, out;  ///< to the user, from the user
-    std::unique_ptr<link::Publication> publication;
+    std::unique_ptr<HostPublication> publication;
+    std::unique_ptr<InterestReader> reader;
     std::unique_ptr<UserRole> role;
     std::unique_ptr<UserThreadRole> thread;  ///< each user node has a connection of its own
   };

@@ -64,9 +64,7 @@ void add_faults(CLI::App& command, ServiceOptions& service) {
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");
-  command
-      .add_option("--user-deadline-ms", service.deadlines.user_ms,
-                  "time a user node has to move and to read its contacts; 0: unlimited")
+  command.add_option("--user-deadline-ms", service.deadlines.user_ms, "time a user node has to move; 0: unlimited")
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");

@@ -41,7 +41,7 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
     channel->node_contacts->bell = bell_of(state, node);
   }
   if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
-    channel->publication = std::make_unique<nodes::NodePublication>(
+    channel->publication = std::make_unique<nodes::HostPublication>(
         state.publications.grid, NodePool::share_of(config.capacities.objects, count));
   }
   return pool_channel(channel);

@@ -25,7 +25,7 @@ void gather_model_failures(FrameReport& report, const WorldState& state, const n
       all.add(node.role->host().failures().span());
     }
   });
-  users.each([&](const User& user) { all.add(user.role->host().failures().span()); });
+  users.each([&](const User& user) { all.add(user.role.host().failures().span()); });
   all.add(remote);
   report.model_failures.assign(all.span().begin(), all.span().end());
 }

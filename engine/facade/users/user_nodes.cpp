@@ -36,32 +36,19 @@ void UserNodes::connect(Request& request) {
   const UserNumber number = request.user;
   std::unique_ptr<User> user = make_user(number);
   request.connection = threads_.connection(user->thread);
-  std::vector<nodes::Published>& publications = state_.publications.users;
-  if (number >= publications.size()) {
-    publications.resize(number + 1);
-  }
-  publications[number] = {};
-  publications[number].publication = &user->publication;
   nodes_[number] = std::move(user);
 }
 
 std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   const WorldConfig& config = state_.config;
-  const std::size_t thread = number % threads_.size();
-  const std::size_t objects = config.deployment == Deployment::user ? 64 : 4;
-  auto user = std::make_unique<User>(state_.publications.grid.cells(), objects);
-  user->thread = thread;
   nodes::UserSetup setup;
   setup.user = number;
   setup.model = config.motion.get();
-  setup.publications = &state_.publications;
-  setup.interest = config.interest;
   setup.sense = config.sense;
-  setup.thread = threads_.parts_of(threads_.at(thread));
-  setup.objects = objects;
+  setup.objects = config.deployment == Deployment::user ? 64 : 4;
   setup.faults = state_.threaded() ? &state_.faults : nullptr;
-  setup.server = &threads_.sender(thread);
-  user->role = std::make_unique<nodes::UserRole>(setup);
+  auto user = std::make_unique<User>(setup);
+  user->thread = number % threads_.size();
   return user;
 }
 
@@ -70,7 +57,7 @@ void UserNodes::assign_roles() {
   std::vector<std::vector<nodes::UserRole*>> roles(threads_.size());
   for (const auto& [number, user] : nodes_) {
     if (user->is_stepped()) {
-      roles[user->thread].push_back(user->role.get());
+      roles[user->thread].push_back(&user->role);
     }
   }
   for (std::size_t thread = 0; thread < threads_.size(); ++thread) {
@@ -81,12 +68,12 @@ void UserNodes::assign_roles() {
 void UserNodes::steer(UserOrders& orders) {
   for (const UserOrders::Move& move : orders.moves) {
     if (move.number != 0) {
-      nodes_.at(move.user)->role->steer(move.number, move.pose);
+      nodes_.at(move.user)->role.steer(move.number, move.pose);
     }
   }
   orders.moves.clear();
   for (const UserOrders::Input& input : orders.inputs) {
-    nodes_.at(input.user)->role->give_input(input.input);
+    nodes_.at(input.user)->role.give_input(input.input);
   }
   orders.inputs.clear();
 }
@@ -130,13 +117,11 @@ void UserNodes::abandon(std::size_t thread) {
   const UserNumber late = nodes::MoveWatch::user_of(stalled.seen);
   User& user = *nodes_.at(late);
   user.late = true;
-  withdraw_publication(late);
   state_.order.stalled_users.push_back(late);
   std::vector<nodes::UserRole*> roles;
   for (const auto& [number, other] : nodes_) {
     if (other->thread == thread && other->is_stepped()) {
-      other->role->set_thread(threads_.parts_of(*replacement));
-      roles.push_back(other->role.get());
+      roles.push_back(&other->role);
     }
   }
   state_.order.moved_connections.push_back({threads_.connection(thread), &replacement->worker->bell()});
@@ -145,24 +130,11 @@ void UserNodes::abandon(std::size_t thread) {
 
 void UserNodes::forget(std::span<const UserNumber> users) {
   for (const UserNumber number : users) {
-    withdraw_publication(number);
     const auto at = nodes_.find(number);
     if (at->second->abandoned != nullptr) {
       stalled_.push_back(std::move(at->second));
     }
     nodes_.erase(at);
-  }
-}
-
-// Late user nodes are not stepped any more, so none of them reads publications of the next frame. Those whose model has
-// not returned were removed from their threads within the frame.
-void UserNodes::part_with_late(std::span<const UserId> users) {
-  for (const UserId user : users) {
-    nodes_.at(user.number())->late = true;
-    withdraw_publication(user.number());
-  }
-  if (!users.empty()) {
-    assign_roles();
   }
 }
 
@@ -184,7 +156,7 @@ bool UserNodes::inject(const Fault& fault) {
   }
   User& user = *at->second;
   threads_.withdraw(user.thread);
-  user.role->fail(fault);
+  user.role.fail(fault);
   assign_roles();
   return true;
 }

@@ -10,21 +10,18 @@
 #include "facade/requests/requests.hpp"
 #include "facade/users/user_threads.hpp"
 #include "facade/world_state.hpp"
-#include "link/publication.hpp"
 #include "nodes/user/user_role.hpp"
 #include "ringfence/fault.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::facade {
 
-/// A connected user node, with its publication and role. Destroyed in reverse order: first its thread ends.
+/// A connected user node with its role. Destroyed in reverse order: first its thread ends.
 struct User {
-  /// `cells` is the number of cells of the interest grid. Reserves for `objects` objects.
-  User(std::size_t cells, std::size_t objects) : publication(cells, objects) {}
-  link::Publication publication;
-  std::unique_ptr<nodes::UserRole> role;
+  explicit User(const nodes::UserSetup& setup) : role(setup) {}
+  nodes::UserRole role;
   std::size_t thread = 0;  ///< index of the user thread that steps it
-  bool late = false;       ///< it missed its deadline; it gets no further frame
+  bool late = false;       ///< its move did not end in time; it gets no further frame
   bool leaving = false;    ///< its user disconnects in the running frame, which it does not get any more
   bool is_stepped() const noexcept { return !late && !leaving; }
   /// The thread that was abandoned in this user node's move, or null. It steps no other role.
@@ -34,8 +31,8 @@ struct User {
 /// The user nodes of a World and the threads that step them: connects them, replaces threads that a user node has
 /// stalled, and keeps a disconnected user node until no thread refers to it.
 ///
-/// A user node is late if it has missed a deadline. It is not stepped from then on, and no role reads its publication;
-/// the next cut disconnects it. If its thread is still in its move, the user node keeps that thread.
+/// A user node is late if its move has not ended in time. It is not stepped from then on, and keeps the thread that is
+/// still in its move; the next cut disconnects it.
 ///
 /// Threads: the one that calls World, between frames; replace_stalled_threads() while the server waits for user nodes.
 /// Memory is allocated only when user nodes connect or leave, and for stalled threads.
@@ -70,11 +67,9 @@ class UserNodes {
   /// are late: WorldState::order lists them. A new thread steps the other user nodes of their threads, in this frame
   /// too. Without a new thread the frame waits, and the log says so.
   void replace_stalled_threads();
-  /// The frame whose cut disconnected the users is complete: nothing refers to their publications any more.
-  /// Frees those whose threads have not stalled. Precondition: each is late, or apply_requests() has disconnected it.
+  /// The frame whose cut disconnected the users is complete. Frees those whose threads have not stalled. Precondition:
+  /// each is late, or apply_requests() has disconnected it.
   void forget(std::span<const UserNumber> users);
-  /// The frame is complete, and these users were late in it.
-  void part_with_late(std::span<const UserId> users);
   /// Writes the CPU times of the user threads into the report.
   void report_times(FrameReport& report) { threads_.report_times(report); }
   /// Frees the disconnected user nodes whose stalled threads have ended.
@@ -109,7 +104,6 @@ class UserNodes {
   std::unique_ptr<User> make_user(UserNumber number);
   void abandon(std::size_t thread);
   void assign_roles();
-  void withdraw_publication(UserNumber number) noexcept { state_.publications.users[number] = {}; }
 
   WorldState& state_;
   UserThreads threads_;

@@ -30,7 +30,7 @@ void UserThreads::start() {
 }
 
 std::unique_ptr<UserThread> UserThreads::start_thread() {
-  auto thread = std::make_unique<UserThread>();
+  auto thread = std::make_unique<UserThread>(state_.publications, state_.config.interest);
   if (state_.threaded()) {
     thread->worker = std::make_unique<Worker>();
     state_.starter.must_start(*thread->worker);
@@ -45,7 +45,7 @@ link::Doorbell* UserThreads::bell(std::size_t index) const noexcept {
 
 nodes::UserThreadParts UserThreads::parts_of(UserThread& thread) const noexcept {
   const bool threaded = state_.threaded();
-  return {state_.config.timeline ? &thread.track : nullptr, threaded ? &thread.clock : nullptr,
+  return {&thread.reader, state_.config.timeline ? &thread.track : nullptr, threaded ? &thread.clock : nullptr,
           threaded && state_.config.deadlines.user_ms > 0 ? &thread.watch : nullptr};
 }
 
@@ -54,6 +54,7 @@ DuplexChannel& UserThreads::channel(std::size_t index) {
   if (channel == nullptr) {
     channel =
         std::make_unique<DuplexChannel>(state_.ring_bytes(ring_of(threads_.size())), state_.server_bell(), bell(index));
+    channel->publication = std::make_unique<nodes::HostPublication>(state_.publications.grid, 0);
   }
   return *channel;
 }
@@ -62,8 +63,12 @@ void UserThreads::assign(std::size_t index, std::vector<nodes::UserRole*> users)
   if (users.empty()) {
     return withdraw(index);
   }
-  assign_role(index, std::make_unique<nodes::UserThreadRole>(channel(index).second(), std::move(users),
-                                                             state_.order.ordered.load(std::memory_order_relaxed)));
+  nodes::UserThreadSetup setup;
+  setup.server = channel(index).second();
+  setup.publications = &state_.publications;
+  setup.parts = parts_of(*threads_[index]);
+  setup.first_frame = state_.order.ordered.load(std::memory_order_relaxed);
+  assign_role(index, std::make_unique<nodes::UserThreadRole>(setup, std::move(users)));
 }
 
 // The old role is destroyed when the thread has the new one.
@@ -102,7 +107,8 @@ std::unique_ptr<UserThread> UserThreads::replace(std::size_t index, std::unique_
                                                  std::vector<nodes::UserRole*> users) {
   std::unique_ptr<UserThread> stalled = std::exchange(threads_[index], std::move(replacement));
   if (!users.empty()) {
-    assign_role(index, std::make_unique<nodes::UserThreadRole>(*stalled->role, std::move(users)));
+    assign_role(index,
+                std::make_unique<nodes::UserThreadRole>(*stalled->role, parts_of(*threads_[index]), std::move(users)));
   }
   return stalled;
 }

@@ -9,6 +9,7 @@
 #include "facade/threads/worker.hpp"
 #include "facade/world_state.hpp"
 #include "nodes/move_watch.hpp"
+#include "nodes/user/interest_reader.hpp"
 #include "nodes/user/user_role.hpp"
 #include "nodes/user/user_thread_role.hpp"
 #include "ringfence/frame_report.hpp"
@@ -19,6 +20,8 @@ namespace ringfence::facade {
 
 /// A thread that steps user nodes, with what it uses for all of them.
 struct UserThread {
+  UserThread(const nodes::Publications& publications, double interest) : reader(publications, interest) {}
+  nodes::InterestReader reader;
   nodes::MoveWatch watch;
   nodes::MoveWatch::Move seen = nodes::MoveWatch::none;  ///< the move in which the last check found the thread
   telemetry::StepClock clock;
@@ -49,12 +52,8 @@ class UserThreads {
   UserThread& at(std::size_t index) const noexcept { return *threads_[index]; }
   /// The doorbell of a thread; null without threads.
   link::Doorbell* bell(std::size_t index) const noexcept;
-  /// What a thread provides for its user nodes.
-  nodes::UserThreadParts parts_of(UserThread& thread) const noexcept;
   /// The server's end of the connection of a thread. The first call for a thread allocates it.
   nodes::Connection connection(std::size_t index) { return channel(index).first(); }
-  /// What the user nodes of a thread send by.
-  link::Sender& sender(std::size_t index) { return *channel(index).second().out; }
   /// Replaces the user nodes that a thread steps, between frames. `users`: ascending by number. Blocks until the thread
   /// has finished with the old ones.
   void assign(std::size_t index, std::vector<nodes::UserRole*> users);
@@ -77,6 +76,7 @@ class UserThreads {
 
  private:
   std::unique_ptr<UserThread> start_thread();
+  nodes::UserThreadParts parts_of(UserThread& thread) const noexcept;
   DuplexChannel& channel(std::size_t index);
   void assign_role(std::size_t index, std::unique_ptr<nodes::UserThreadRole> role);
 

@@ -94,9 +94,10 @@ struct Deadlines {
   /// If the server has received nothing from a CD node for half of this time, it sends the node a probe. If it receives
   /// nothing in the other half either, the node is lost; see FrameReport::lost.
   double node_ms = 0;
-  /// Time that a user node has to report its moves, and again to acknowledge its contacts. The objects of a late user
-  /// node keep their old poses in that frame, and it is disconnected at the next cut; see FrameReport::late. If its
-  /// motion model does not return, a new thread steps the other user nodes of the same thread; their time starts again.
+  /// Time that a user node has to report its moves. It is late if its motion model does not return in time: its objects
+  /// keep their old poses in that frame, and it is disconnected at the next cut; see FrameReport::late. A new thread
+  /// steps the other user nodes of the same thread; their time starts again. A user node that has reported its moves is
+  /// not late in that frame.
   double user_ms = 0;
 };
 

@@ -16,7 +16,7 @@ Mover::Mover(NodeState& state, NodeExchange& exchange, HaloExchange& halo, Migra
 void Mover::begin() {
   changed_ = {};
   done_ = false;
-  const NodePublication* const publication = state_.setup.server.publication;
+  const HostPublication* const publication = state_.setup.server.publication;
   const bool published = std::exchange(publishes_, publication != nullptr && publication->wanted);
   if (publishes_ && !published) {
     state_.host.forget_cells();  // the cells were not updated while nothing was published

@@ -25,16 +25,19 @@ void begin_flags(std::uint32_t& flags) noexcept {
 
 }  // namespace
 
-Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
+Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault, bool shares_scratch)
     : HostedObjects(objects, model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8),
       model_(model),
       fault_(fault),
       uses_contacts_(model != nullptr && model->uses_contacts()),
       contacts_(objects) {
-  changed_.reserve(objects);
-  differs_.reserve(objects);
-  steered_.reserve(std::min(batch, objects));
-  grow_batch(std::min(batch, objects));
+  if (!shares_scratch) {
+    own_scratch_ = std::make_unique<MoveScratch>();
+    scratch_ = own_scratch_.get();
+    scratch_->changed.reserve(objects);
+    scratch_->differs.reserve(objects);
+    scratch_->grow_batch(std::min(batch, objects), state_bytes_);
+  }
 }
 
 void Host::sense(double distance) {
@@ -59,28 +62,17 @@ void Host::move(std::uint64_t frame) {
   collect_changed(0, hosted_.size());
 }
 
-void Host::prefetch_move() const noexcept {
-  prefetch_first();
-  for (const void* const array :
-       {static_cast<const void*>(states_.data()), static_cast<const void*>(touched_.data()),
-        static_cast<const void*>(changed_.data()), static_cast<const void*>(differs_.data()),
-        static_cast<const void*>(inputs_.data()), static_cast<const void*>(inputs_.data() + 1),
-        static_cast<const void*>(outputs_.data()), static_cast<const void*>(scratch_.data())}) {
-    base::prefetch_for_read(array);
-  }
-}
-
 void Host::report(messages::NodeFrameStats& stats) const noexcept {
-  stats.hosted = size();
-  stats.model_failed = refusals_.model_failed;
-  stats.not_finite = refusals_.not_finite;
-  stats.not_unit = refusals_.not_unit;
+  stats.hosted += size();
+  stats.model_failed += refusals_.model_failed;
+  stats.not_finite += refusals_.not_finite;
+  stats.not_unit += refusals_.not_unit;
 }
 
 void Host::begin_move(std::uint64_t frame) {
   frame_ = frame;
   next_moved_ = 0;
-  changed_.clear();
+  scratch_->changed.clear();
   refusals_ = {};
   failures_.clear();
   list_all_ = std::exchange(list_all_next_, false);
@@ -99,7 +91,7 @@ void Host::end_move() noexcept {
 
 bool Host::move_next() {
   assert(steered_.empty());
-  changed_.clear();
+  scratch_->changed.clear();
   if (next_moved_ == hosted_.size()) {
     end_move();
     return false;
@@ -121,34 +113,29 @@ void Host::move_batches(std::size_t first, std::size_t end) {
 }
 
 void Host::collect_changed(std::size_t first, std::size_t end) {
-  changed_.resize(end - first);
-  differs_.resize(end - first);
+  base::FlatList<std::uint32_t>& list = scratch_->changed;
+  base::FlatList<std::uint8_t>& differs = scratch_->differs;
+  list.resize(end - first);
+  differs.resize(end - first);
   std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
     std::uint32_t& flags = hosted_[i].object.flags;
     if (model_ == nullptr) {
       begin_flags(flags);
     }
-    changed_[changed] = static_cast<std::uint32_t>(i);
-    differs_[changed] = touched_[i];
+    list[changed] = static_cast<std::uint32_t>(i);
+    differs[changed] = touched_[i];
     changed += list_all_ ? 1 : touched_[i] | (flags / flag_host_owned & 1);
   }
   std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
             std::uint8_t{0});
-  changed_.resize(changed);
-  differs_.resize(changed);
-}
-
-// Most user nodes host a few objects, and there are many of them.
-void Host::grow_batch(std::size_t count) {
-  inputs_.resize(count);
-  outputs_.resize(count);
-  scratch_.resize(count * state_bytes_);
+  list.resize(changed);
+  differs.resize(changed);
 }
 
 void Host::move_batch(std::size_t first, std::size_t count) {
-  if (count > inputs_.size()) [[unlikely]] {
-    grow_batch(batch);
+  if (count > scratch_->inputs.size()) [[unlikely]] {
+    scratch_->grow_batch(batch, state_bytes_);
   }
   // Once, although the model may be called twice.
   for (std::size_t i = 0; i < count; ++i) {
@@ -187,36 +174,38 @@ void Host::prefetch(std::size_t i) const noexcept {
 }
 
 bool Host::call_model(std::size_t first, std::size_t count) {
+  std::vector<MotionInput>& inputs = scratch_->inputs;
+  std::byte* const states = scratch_->states.data();
   if (state_bytes_ != 0) {
-    std::memcpy(scratch_.data(), state(first), count * state_bytes_);
+    std::memcpy(states, state(first), count * state_bytes_);
   }
   for (std::size_t i = 0; i < count; ++i) {
     prefetch(first + batch + i);
     const Hosted& hosted = hosted_[first + i];
     const bool present = (hosted.object.flags & flag_present) != 0;
-    inputs_[i] = {hosted.object.number,
-                  ShapeId(hosted.shape),
-                  static_cast<Category>(hosted.category),
-                  present,
-                  hosted.user_data,
-                  hosted.pose,
-                  state(first + i),
-                  ObjectContacts(contacts_.list(), contacts_of(first + i)),
-                  {},
-                  nullptr};
-    outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_, false};
+    inputs[i] = {hosted.object.number,
+                 ShapeId(hosted.shape),
+                 static_cast<Category>(hosted.category),
+                 present,
+                 hosted.user_data,
+                 hosted.pose,
+                 state(first + i),
+                 ObjectContacts(contacts_.list(), contacts_of(first + i)),
+                 {},
+                 nullptr};
+    scratch_->outputs[i] = {hosted.pose, present, states + i * state_bytes_, false};
   }
   if (!frame_inputs_.empty()) {
-    frame_inputs_.set(first, std::span(inputs_).first(count));
+    frame_inputs_.set(first, std::span(inputs).first(count));
   }
   if (senses_ != nullptr) {
-    senses_->give(std::span(inputs_).first(count), std::span(hosted_.span()).subspan(first, count));
+    senses_->give(std::span(inputs).first(count), std::span(hosted_.span()).subspan(first, count));
   }
   if (fault_ != nullptr) {
     fault_->pass(NodeStage::model, frame_);
   }
   try {
-    model_->move(frame_, std::span(std::as_const(inputs_)).first(count), std::span(outputs_).first(count));
+    model_->move(frame_, std::span(std::as_const(inputs)).first(count), std::span(scratch_->outputs).first(count));
   } catch (...) {
     if (count == 1) {
       const messages::ObjectRef& object = hosted_[first].object;
@@ -227,16 +216,17 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   return true;
 }
 
-// Takes over the states in scratch_, except those of objects whose output is refused.
+// Takes over the states that the model has returned, except those of objects whose output is refused.
 void Host::accept(std::size_t first, std::size_t count) {
+  std::byte* const states = scratch_->states.data();
   for (std::size_t i = 0; i < count; ++i) {
-    std::byte* const next = scratch_.data() + i * state_bytes_;
-    if (!accept(first + i, outputs_[i], next) && state_bytes_ != 0) {
+    std::byte* const next = states + i * state_bytes_;
+    if (!accept(first + i, scratch_->outputs[i], next) && state_bytes_ != 0) {
       std::memcpy(next, state(first + i), state_bytes_);
     }
   }
   if (state_bytes_ != 0) {
-    std::memcpy(states_.data() + first * state_bytes_, scratch_.data(), count * state_bytes_);
+    std::memcpy(states_.data() + first * state_bytes_, states, count * state_bytes_);
   }
 }
 

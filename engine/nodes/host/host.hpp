@@ -15,6 +15,7 @@
 #include "nodes/host/host_senses.hpp"
 #include "nodes/host/hosted_objects.hpp"
 #include "nodes/host/model_failures.hpp"
+#include "nodes/host/move_scratch.hpp"
 #include "ringfence/motion_model.hpp"
 
 namespace ringfence::nodes {
@@ -34,7 +35,11 @@ class Host : public HostedObjects {
 
   /// `model` may be null (nothing moves by itself); if not, it outlives the host. `objects` is the number to reserve
   /// for. `fault` may be null; if not, it outlives the host, and the role can stop there before it calls the model.
-  Host(const MotionModel* model, std::size_t objects, FaultPoint* fault = nullptr);
+  /// With `shares_scratch` the host is one of many that share a scratch: call use() before each move.
+  Host(const MotionModel* model, std::size_t objects, FaultPoint* fault = nullptr, bool shares_scratch = false);
+
+  /// The next move uses `scratch`. changed() and differs() are in it: valid until another host moves with it.
+  void use(MoveScratch& scratch) noexcept { scratch_ = &scratch; }
 
   /// Whether the model reads contacts; if not, they are not sorted here.
   bool uses_contacts() const noexcept { return uses_contacts_; }
@@ -65,18 +70,17 @@ class Host : public HostedObjects {
   /// steer() since the last move.
   void begin_move(std::uint64_t frame);
   bool move_next();
-  std::span<const std::uint32_t> changed() const noexcept { return changed_.span(); }
+  std::span<const std::uint32_t> changed() const noexcept { return scratch_->changed.span(); }
   /// Parallel to changed(), one byte each: whether the object differs.
-  std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
+  std::span<const std::uint8_t> differs() const noexcept { return scratch_->differs.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
-  /// Prefetches the arrays that move() accesses, for a host of few objects.
-  void prefetch_move() const noexcept;
-  /// Prefetches what report() reads, and the pointer to the hosted objects.
-  void prefetch_report() const noexcept {
-    base::prefetch_for_read(&hosted_);
-    base::prefetch_object(refusals_);
+  /// Prefetches the objects that move() accesses, for a host of few objects.
+  void prefetch_move() const noexcept {
+    prefetch_first();
+    base::prefetch_for_read(states_.data());
+    base::prefetch_for_read(touched_.data());
   }
-  /// Sets the number of hosted objects, and those refusals.
+  /// Adds the number of hosted objects, and those refusals.
   void report(messages::NodeFrameStats& stats) const noexcept;
   /// The frame of the last move.
   std::uint64_t frame() const noexcept { return frame_; }
@@ -88,7 +92,6 @@ class Host : public HostedObjects {
   void move_batches(std::size_t first, std::size_t end);
   void collect_changed(std::size_t first, std::size_t end);
   void move_batch(std::size_t first, std::size_t count);
-  void grow_batch(std::size_t count);
   bool call_model(std::size_t first, std::size_t count);
   void prefetch(std::size_t i) const noexcept;
   std::span<const std::uint32_t> contacts_of(std::size_t i) const noexcept {
@@ -110,16 +113,12 @@ class Host : public HostedObjects {
   std::vector<Steered> steered_;
   FrameInputs frame_inputs_;
   std::unique_ptr<HostSenses> senses_;  ///< null: the model may not ask queries
-  base::FlatList<std::uint32_t> changed_;
-  base::FlatList<std::uint8_t> differs_;
-  std::uint64_t frame_ = 0;     ///< frame being moved
-  std::size_t next_moved_ = 0;  ///< first object of the next move_next()
+  std::uint64_t frame_ = 0;             ///< frame being moved
+  std::size_t next_moved_ = 0;          ///< first object of the next move_next()
   HostRefusals refusals_;
   ModelFailures failures_;
-  // Of the largest batch so far.
-  std::vector<MotionInput> inputs_;
-  std::vector<MotionOutput> outputs_;
-  std::vector<std::byte> scratch_;
+  std::unique_ptr<MoveScratch> own_scratch_;  ///< null: the host shares that of its thread
+  MoveScratch* scratch_ = nullptr;
 };
 
 }  // namespace ringfence::nodes

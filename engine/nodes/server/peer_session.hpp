@@ -41,9 +41,10 @@ struct PeerSession {
     messages::RunSender lost_run, map_run;
   };
 
-  /// Received in this frame.
+  /// Received in `frame`. Of a user node the fields may be those of an earlier frame: see ServerState::received_from().
   struct Received {
     static constexpr std::size_t max_refusals = 64;  ///< listed per frame; all are counted
+    std::uint64_t frame = ~std::uint64_t{0};
     std::size_t bytes = 0;
     std::size_t updates = 0;
     bool states = false;  ///< the last message with states; so for the other messages
@@ -53,7 +54,8 @@ struct PeerSession {
     std::vector<messages::RefusedRecord> refusals;
 
     /// For a new frame; keeps the refusals.
-    void begin() noexcept {
+    void begin(std::uint64_t new_frame) noexcept {
+      frame = new_frame;
       bytes = updates = 0;
       states = published = narrow_done = frame_done = false;
     }
@@ -68,17 +70,18 @@ struct PeerSession {
   messages::Endpoint self;
   NodeNumber id = 0;  ///< CD nodes: never used by another node, unlike the slot in `self`
   Connection connection;
-  bool connected = false;  ///< false: nothing else is valid; of a CD node: the slot is free
-  bool lost = false;       ///< lost in this frame: nothing more is sent to it or accepted from it
-  bool broken = false;     ///< in another process, and has broken the protocol: lost at the end of this step
-  bool leaving = false;    ///< must hand everything over at the end of this frame
-  bool left = false;       ///< hands everything over in this frame; its slot is free at the next cut
-  bool awaited = false;    ///< users: the frame needs a message; see ServerState::await()
+  bool connected = false;             ///< false: nothing else is valid; of a CD node: the slot is free
+  bool lost = false;                  ///< lost in this frame: nothing more is sent to it or accepted from it
+  bool broken = false;                ///< in another process, and has broken the protocol: lost at the end of this step
+  bool leaving = false;               ///< must hand everything over at the end of this frame
+  bool left = false;                  ///< hands everything over in this frame; its slot is free at the next cut
+  bool changes = false;               ///< users: listed in UserConnection::changed
+  std::uint32_t user_connection = 0;  ///< users: position in ServerState::user_connections
 
+  Received received;
   Opening opening;
   Closing closing;
   Loss loss;
-  Received received;
 
   std::uint64_t last_received_ns = 0;  ///< time of the last message from it
   std::uint64_t probed_ns = 0;         ///< time of the last probe; 0: a message has arrived since

@@ -73,9 +73,9 @@ struct ServerSetup {
   /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
   bool nodes_may_be_lost = true;  ///< as CdNodeSetup::may_be_lost
   std::uint64_t node_deadline_ns = 0;
-  /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline. If there is a
-  /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported
-  /// in time is late.
+  /// Time a user node has to report its moves; 0: no deadline. If there is a FrameOrder::caller, the facade finds out
+  /// whose move takes too long. Otherwise each user node that has not reported in time is late, and so are all user
+  /// nodes of a connection on which `published`, or later `frame_done`, does not arrive in time.
   std::uint64_t user_deadline_ns = 0;
   std::uint64_t first_frame = 0;      ///< not 0 if the world is restored
   telemetry::Track* track = nullptr;  ///< null: no timeline

@@ -57,23 +57,42 @@ void ServerState::connect(UserNumber user, const Connection& connection) {
   const auto same = [&](const UserConnection& peers) { return peers.connection.in == connection.in; };
   auto peers = std::find_if(user_connections.begin(), user_connections.end(), same);
   if (peers == user_connections.end()) {
-    peers = user_connections.insert(peers, {connection, {}, 0, {}, {}});
+    peers = user_connections.emplace(peers);
+    peers->connection = connection;
   }
   insert(peers->users);
+  session.user_connection = static_cast<std::uint32_t>(peers - user_connections.begin());
 }
 
 void ServerState::remove_disconnected() {
   const auto has_left = [this](UserNumber user) { return !users[user].connected; };
   std::erase_if(connected, has_left);
+  std::erase_if(refused_users, has_left);
   for (UserConnection& peers : user_connections) {
     std::erase_if(peers.users, has_left);
+    std::erase_if(peers.changed, has_left);
+    std::erase_if(peers.notified, has_left);
   }
   std::erase_if(user_connections, [](const UserConnection& peers) { return peers.users.empty(); });
+  for (std::uint32_t at = 0; at < user_connections.size(); ++at) {
+    for (const UserNumber user : user_connections[at].users) {
+      users[user].user_connection = at;
+    }
+  }
 }
 
 void ServerState::note_host_change(std::uint32_t slot) {
   objects.marks(slot) |= host_changed_mark;
   host_changes.push_back(slot);
+}
+
+PeerSession::Opening* ServerState::opening_of(Endpoint peer) {
+  PeerSession* const session = session_of(peer);
+  if (session != nullptr && peer.is_user() && !session->changes) {
+    session->changes = true;
+    user_connections[session->user_connection].changed.push_back(peer.number());
+  }
+  return session == nullptr ? nullptr : &session->opening;
 }
 
 }  // namespace ringfence::nodes

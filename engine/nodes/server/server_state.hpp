@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "base/numbers.hpp"
@@ -79,7 +80,9 @@ struct ServerState {
   std::vector<PeerSession> users;     ///< by user number
   std::vector<UserNumber> connected;  ///< users, ascending
   std::vector<UserConnection> user_connections;
-  std::size_t awaited_users = 0;             ///< number of those from which the frame still needs a message
+  std::size_t lost_users = 0;                ///< number of connected users that are lost
+  std::size_t awaited_users = 0;             ///< number of those from which the frame still needs states
+  std::vector<UserNumber> refused_users;     ///< those with refused records in this frame
   std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
   std::vector<HandOver> hand_overs;          ///< of this frame
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
@@ -109,64 +112,82 @@ struct ServerState {
     }
     return all;
   }
-  template <class Done>
-  bool all_users(Done done) {
-    bool all = true;
-    for (const UserNumber user : connected) {
-      all &= users[user].lost || done(users[user]);
-    }
-    return all;
-  }
-  /// Before a step of the frame sends messages to the users.
-  void start_sending_to_users() noexcept {
-    for (UserConnection& peers : user_connections) {
-      peers.next = 0;
-    }
-  }
-  /// Calls `send` for the users of a connection that are not lost, from the first one to which this step has not sent
-  /// everything, until it returns false. Returns whether it returned true for all.
+  /// Calls `send` for the users in a list of their connection that are not lost, from UserConnection::next on, until it
+  /// returns false. Returns whether it returned true for all.
   template <class Send>
-  bool send_to_users(UserConnection& peers, Send send) {
-    constexpr std::size_t users_a_ring = 16, ahead = 8;
-    const std::size_t size = peers.users.size();
+  bool send_to_users(UserConnection& peers, std::span<const UserNumber> list, Send send) {
+    constexpr std::size_t users_a_ring = 64, ahead = 8;
+    if (peers.next == list.size()) {
+      return true;
+    }
     link::Sender& out = *peers.connection.out;
     out.set_quiet(true);
     bool room = true;
-    while (room && peers.next < size) {
-      base::prefetch_object(users[peers.users[std::min(peers.next + ahead, size - 1)]].closing);
-      PeerSession& user = users[peers.users[peers.next]];
+    while (room && peers.next < list.size()) {
+      base::prefetch_object(users[list[std::min(peers.next + ahead, list.size() - 1)]].closing);
+      PeerSession& user = users[list[peers.next]];
       room = user.lost || send(user);
       peers.next += room ? 1 : 0;
       if (peers.next % users_a_ring == 0) {
         out.ring_unrung();
       }
     }
-    out.set_quiet(false);
     out.ring_unrung();
+    out.set_quiet(false);
     return room;
   }
   /// Sends the users of a connection a message without records, once for all of them; true when it is sent. If all are
   /// lost, it is not sent.
   bool send_to_all(UserConnection& peers, messages::RunSender& run, messages::MessageType type) {
-    const bool any =
-        std::any_of(peers.users.begin(), peers.users.end(), [&](UserNumber user) { return !users[user].lost; });
-    return !any || run.pump(*peers.connection.out, head(type, messages::Endpoint::all_users()), 0, report().traffic,
-                            [](std::size_t, std::byte*) {});
+    return !any_active_user(peers) || run.pump(*peers.connection.out, head(type, messages::Endpoint::all_users()),
+                                               messages::record_bytes(type, objects.state_bytes()), report().traffic,
+                                               [](std::size_t, std::byte*) {});
+  }
+  bool any_active_user(const UserConnection& peers) const noexcept {
+    return std::any_of(peers.users.begin(), peers.users.end(), [&](UserNumber user) { return !users[user].lost; });
+  }
+  /// Whether all threads of users have published what they host.
+  bool users_have_published() const noexcept {
+    return std::all_of(user_connections.begin(), user_connections.end(),
+                       [&](const UserConnection& peers) { return peers.published || !any_active_user(peers); });
+  }
+  /// Whether all threads of users have completed the frame.
+  bool users_are_done() const noexcept {
+    return std::all_of(user_connections.begin(), user_connections.end(),
+                       [&](const UserConnection& peers) { return peers.frame_done || !any_active_user(peers); });
+  }
+  /// Whether the frame needs a message of these users.
+  bool awaits(const UserConnection& peers) const noexcept {
+    if (stage >= FrameStage::notifying_users) {
+      return !peers.frame_done && any_active_user(peers);
+    }
+    return awaited_users != 0 || (stage <= FrameStage::colliding && !peers.published && any_active_user(peers));
   }
   /// Adds a user, which is not connected yet.
   void connect(UserNumber user, const Connection& connection);
   /// Removes the users whose sessions are not connected any more.
   void remove_disconnected();
-  /// The frame needs a message of the user.
-  void await(PeerSession& user) noexcept {
-    awaited_users += user.awaited ? 0 : 1;
-    user.awaited = true;
+  /// From now on the frame needs the states of all users that are not lost.
+  void await_users() noexcept { awaited_users = connected.size() - lost_users; }
+  /// What was received from a user in this frame.
+  PeerSession::Received& received_from(PeerSession& user) const noexcept {
+    if (user.received.frame != frame) {
+      user.received.begin(frame);
+    }
+    return user.received;
   }
-  /// The frame does not need a message of the user any more.
-  void stop_awaiting(PeerSession& user) noexcept {
-    awaited_users -= user.awaited ? 1 : 0;
-    user.awaited = false;
+  /// Whether the last states of a user have arrived in this frame.
+  bool has_reported(const PeerSession& user) const noexcept {
+    return user.received.frame == frame && user.received.states;
   }
+  /// The user is lost from now on.
+  void lose_user(PeerSession& user) noexcept {
+    awaited_users -= awaited_users == 0 || has_reported(user) ? 0 : 1;
+    ++lost_users;
+    user.lost = true;
+  }
+  /// What is sent to the host before the frame begins; null if no CD node and no connected user has this endpoint.
+  PeerSession::Opening* opening_of(messages::Endpoint peer);
   /// The session of a CD node or a connected user node; null for any other endpoint.
   PeerSession* session_of(messages::Endpoint endpoint) noexcept {
     if (endpoint.is_node()) {

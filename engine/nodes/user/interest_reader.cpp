@@ -8,17 +8,22 @@
 
 namespace ringfence::nodes {
 
+using link::PublishedState;
 using regions::CellBox;
 
-void InterestReader::read(const Host& host, std::uint64_t frame) {
-  frame_ = frame;
-  seen_[frame_ & 1].clear();
+SeenPart InterestReader::read(const Host& host, const OwnStates& own) {
+  const SeenList& seen = seen_[frame_ & 1];
+  const std::size_t first = seen.size();
   list_boxes(host);
-  if (boxes_.size() > 1) {
-    read_union();
-  } else if (!boxes_.empty()) {
-    read_one(boxes_.front());
+  if (!boxes_.empty()) {
+    list_own_places(own);
+    if (boxes_.size() > 1) {
+      read_union();
+    } else {
+      each_publication([this](const Published& published) { read_box(published, boxes_.front()); });
+    }
   }
+  return {&seen, static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(seen.size() - first)};
 }
 
 // Avatars that stand together have the same box.
@@ -44,26 +49,45 @@ void InterestReader::list_boxes(const Host& host) {
   }
 }
 
-template <class Read>
-void InterestReader::each_publication(Read read) const {
-  const Publications& all = publications_;
-  for (const Published* relay : all.relays[frame_ & 1]) {
-    read(*relay);
+void InterestReader::list_own_places(const OwnStates& own) {
+  own_places_.clear();
+  if (own_ == nullptr) {
+    return;
   }
-  for (const UserNumber user : all.user_index[frame_ & 1].wide) {
-    if (user != user_) {
-      read(all.users[user]);
-    }
+  for (std::uint32_t i = 0; i < own.count; ++i) {
+    own_places_.push_back(own_->publication->place_of(own.first + i));
+  }
+  std::sort(own_places_.begin(), own_places_.end());
+}
+
+template <class Read>
+void InterestReader::each_publication(Read read) {
+  for (const Published* published : publications_.relays[frame_ & 1]) {
+    skipped_ = published == own_ ? std::span<const std::uint32_t>(own_places_) : std::span<const std::uint32_t>();
+    first_state_ = published->publication->states(frame_).data();
+    read(*published);
   }
 }
 
-void InterestReader::read_one(const CellBox& box) {
-  each_publication([&](const Published& published) { read_box(published, box); });
-  const regions::CellGrid& grid = publications_.grid;
-  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-      read_indexed({grid.index(box.lower[0], y, z), grid.index(box.upper[0], y, z)});
-    }
+// Cuts out the user node's own states. Most user nodes have one.
+void InterestReader::add(std::span<const PublishedState> states) {
+  if (skipped_.empty()) {
+    return add_if_any(states);
+  }
+  const auto begin = static_cast<std::uint32_t>(states.data() - first_state_);
+  const auto end = static_cast<std::uint32_t>(begin + states.size());
+  std::uint32_t from = begin;
+  for (auto skipped = std::lower_bound(skipped_.begin(), skipped_.end(), begin);
+       skipped != skipped_.end() && *skipped < end; ++skipped) {
+    add_if_any(states.subspan(from - begin, *skipped - from));
+    from = *skipped + 1;
+  }
+  add_if_any(states.subspan(from - begin));
+}
+
+void InterestReader::add_if_any(std::span<const PublishedState> states) {
+  if (!states.empty()) {
+    seen_[frame_ & 1].push_back(states);
   }
 }
 
@@ -80,10 +104,7 @@ void InterestReader::read_union() {
     }
   }
   list_ranges();
-  each_publication([&](const Published& published) { read_ranges(published); });
-  for (const CellSpan& range : ranges_) {
-    read_indexed(range);
-  }
+  each_publication([this](const Published& published) { read_ranges(published); });
 }
 
 void InterestReader::want(const CellSpan& cells) noexcept {
@@ -122,25 +143,7 @@ void InterestReader::read_ranges(const Published& published) {
   }
   published.publication->read_rows(
       frame_, ranges_.size(), [this](std::size_t i) { return std::pair(ranges_[i].first, ranges_[i].last); },
-      [this](std::span<const link::PublishedState> states) { seen_[frame_ & 1].push_back(states); });
-}
-
-// The cells of a row have consecutive numbers, so their entries are adjacent.
-void InterestReader::read_indexed(const CellSpan& cells) {
-  const Publications& all = publications_;
-  const UserIndex& index = all.user_index[frame_ & 1];
-  for (std::size_t i = index.find(cells.first); i < index.entries.size(); ++i) {
-    const std::uint32_t cell = UserIndex::cell_of(index.entries[i]);
-    if (cell > cells.last) {
-      break;
-    }
-    if (const UserNumber user = UserIndex::user_of(index.entries[i]); user != user_) {
-      const Published& published = all.users[user];
-      seen_[frame_ & 1].push_back(published.cell_range[frame_ & 1].single()
-                                      ? published.states[frame_ & 1]
-                                      : published.publication->read(frame_, cell));
-    }
-  }
+      [this](std::span<const PublishedState> states) { add(states); });
 }
 
 // Chooses the cheaper of two ways. If the publication has states in many cells, it reads each row of the box, because
@@ -171,7 +174,6 @@ void InterestReader::read_box(const Published& published, const CellBox& box) {
 
 void InterestReader::read_rows(const Published& published, const CellBox& box) {
   const regions::CellGrid& grid = publications_.grid;
-  auto& seen = seen_[frame_ & 1];
   const std::size_t wide = box.upper[1] - box.lower[1] + std::size_t{1};
   std::uint32_t y = box.lower[1];
   std::uint32_t z = box.lower[2];
@@ -184,12 +186,11 @@ void InterestReader::read_rows(const Published& published, const CellBox& box) {
         z += end ? 1 : 0;
         return cells;
       },
-      [&](std::span<const link::PublishedState> states) { seen.push_back(states); });
+      [this](std::span<const PublishedState> states) { add(states); });
 }
 
 template <class Wanted>
 void InterestReader::read_cells(const Published& published, Wanted wanted) {
-  auto& seen = seen_[frame_ & 1];
   const auto cells = published.publication->cells(frame_);
   const auto starts = published.publication->starts(frame_);
   const auto states = published.publication->states(frame_);
@@ -201,7 +202,7 @@ void InterestReader::read_cells(const Published& published, Wanted wanted) {
     while (end < cells.size() && wanted(cells[end])) {
       ++end;
     }
-    seen.push_back(states.subspan(starts[first], starts[end] - starts[first]));
+    add(states.subspan(starts[first], starts[end] - starts[first]));
     first = end;
   }
 }

@@ -3,48 +3,31 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "base/numbers.hpp"
+#include "link/publication.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/fault_point.hpp"
 #include "nodes/host/host.hpp"
-#include "nodes/move_watch.hpp"
-#include "nodes/role.hpp"
 #include "nodes/user/interest_reader.hpp"
-#include "ringfence/config.hpp"
-#include "telemetry/step_clock.hpp"
-#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
-
-/// What a thread provides for the user nodes that it steps. Each pointer may be null.
-struct UserThreadParts {
-  telemetry::Track* track = nullptr;      ///< null: no timeline
-  telemetry::StepClock* clock = nullptr;  ///< null: not measured
-  MoveWatch* watch = nullptr;             ///< null: the World does not abandon the thread
-};
 
 /// Configuration of a user node. What the pointers refer to outlives the role.
 struct UserSetup {
   UserNumber user = 0;
   const MotionModel* model = nullptr;
-  Publications* publications = nullptr;
-  double interest = 0;  ///< metres; 0: the node does not read the states of others
-  double sense = 0;     ///< WorldConfig::sense, metres
-  UserThreadParts thread;
+  double sense = 0;                ///< WorldConfig::sense, metres
   std::size_t objects = 0;         ///< number of objects to reserve for
   FaultRelease* faults = nullptr;  ///< ends an injected stop; null: the role does not stop
-  link::Sender* server = nullptr;  ///< to the server; all user nodes of a thread have the same
 };
 
 /// A user node. It hosts its avatars, and in user deployment also its share of the active and non-active objects.
 ///
-/// In each frame it moves its objects, sends their states to the server (M1) and publishes them for the other user
-/// nodes. It reads the publications of others near its avatars when the server has allowed this. Then it receives the
-/// contacts of its objects (M4). It is connected to the server only, by the connection of its thread: UserThreadRole
-/// receives the messages and passes them to it.
+/// UserThreadRole calls the steps of its frame: it moves its objects, sends their states to the server (M1) and adds
+/// them to the publication of its thread. It reads the publications near its avatars when the server has allowed this,
+/// and receives the contacts of its objects (M4).
 ///
 /// Threads: one thread at a time steps it. Throws only std::bad_alloc, and allocates nothing in steady state. Blocks
 /// only while the motion model does not return or an injected fault stops it.
@@ -54,33 +37,32 @@ class UserRole {
   UserRole(const UserRole&) = delete;
   UserRole& operator=(const UserRole&) = delete;
 
-  // Each of the following returns Step::idle if the node waits for the next message, Step::blocked if it waits for room
-  // in the ring, or Step::abandoned.
-  /// frame_begin has arrived: moves its objects, publishes them, and sends their states.
-  Step begin(std::uint64_t frame);
-  /// read_publications has arrived.
-  Step allow_reading();
-  /// Another message of the server has arrived.
-  Step receive(const messages::MessageView& message);
-  /// Continues the frame as far as possible. Call it after Step::blocked.
-  Step resume();
+  // The steps of a frame, in order; `scratch` is that of the thread.
+  /// Computes S(frame).
+  void move(std::uint64_t frame, MoveScratch& scratch, const queries::RecordedFrame* sensed);
+  /// Adds the states to the publication of the thread. `added`: number of states that it has already. Returns how many
+  /// it has then.
+  std::uint32_t publish(const Publications& all, link::Publication& publication, std::uint32_t added);
+  /// Number of states that send_states() sends; valid, like these, until another user node of the thread moves.
+  std::size_t changed() const noexcept { return host_.changed().size(); }
+  /// Sends the states that changed. Returns false if it has to be called again because the ring is full.
+  bool send_states(link::Sender& server, messages::RunSender& run) const;
+  /// Reads what others have published.
+  void read(InterestReader& reader) { seen_[host_.frame() & 1] = reader.read(host_, own_); }
+  /// A message of the server to this user node has arrived. `between_frames`: outside of a frame, so contacts are those
+  /// of the frame before, for objects that the node has adopted since.
+  void receive(const messages::MessageView& message, bool between_frames);
 
-  /// Prefetches what begin(), or the other steps, access in the object itself.
-  void prefetch(bool begins) const noexcept;
-  /// Prefetches the arrays that begin(), or allow_reading(), accesses. Reads what prefetch() loads.
-  void prefetch_arrays(bool begins) const noexcept;
-  /// Prefetches what begin() writes into the publication. Reads what prefetch_arrays() loads.
-  void prefetch_publication() const noexcept {
-    if (published_.publication != nullptr) {  // it has moved before
-      published_.publication->prefetch_arrays();
-    }
-  }
+  /// Prefetches what move() accesses in the object itself, and then the arrays to which it refers.
+  void prefetch_move() const noexcept;
+  void prefetch_arrays() const noexcept { host_.prefetch_move(); }
+  /// The same for read().
+  void prefetch_read() const noexcept;
+  void prefetch_avatar() const noexcept { host_.prefetch_first(); }
 
-  UserNumber number() const noexcept { return setup_.user; }
+  UserNumber number() const noexcept { return user_; }
   /// Size of a model state in messages.
   std::size_t state_bytes() const noexcept { return host_.state_bytes(); }
-  /// Call it when another thread steps the role from now on, while no thread steps it.
-  void set_thread(const UserThreadParts& thread) noexcept { setup_.thread = thread; }
 
   /// Sets the pose of an avatar in the next frame, whatever the model computes. The facade calls it between frames.
   void steer(ObjectNumber number, const Pose& pose) { host_.steer(number, pose); }
@@ -96,10 +78,9 @@ class UserRole {
   /// Contacts that the node received in that frame (M4), in order of (a, b), including the ended ones. Valid until
   /// frame + 2 begins.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts().received(frame); }
-  /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins, if
-  /// the publications still exist.
+  /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
-    return reader_.seen(frame);
+    return seen_[frame & 1].spans();
   }
   const Host& host() const noexcept { return host_; }
   /// Number of its records and messages that the server has refused and reported so far. 0 unless the user exceeds a
@@ -107,28 +88,12 @@ class UserRole {
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
-  enum class Stage : std::uint8_t { waiting, sending_states, reading_others, awaiting_contacts, finishing, abandoned };
-  void receive_contacts(const messages::MessageView& message);
-  bool move();
-  void move_and_publish();
-  void enter(telemetry::StepClock::Step step) noexcept;
-  bool advance();
-  bool send_states();
-  bool send_frame_done();
-
-  UserSetup setup_;
-  messages::Endpoint self_;
-  FaultPoint fault_;
+  UserNumber user_;
+  OwnStates own_;     ///< of this frame
+  SeenPart seen_[2];  ///< by parity of the frame
   Host host_;
-  Published published_;  ///< of this frame; other roles read the copy in Publications
-  Stage stage_ = Stage::waiting;
-  std::uint64_t frame_ = 0;
-  bool may_read_ = false;  ///< read_publications has arrived, or there is no interest
-  bool contacts_received_ = false;
   std::uint64_t refused_ = 0;
-  InterestReader reader_;
-  messages::RunSender states_run_, frame_done_run_;
-  std::uint64_t published_states_ = 0;  ///< number in this frame
+  FaultPoint fault_;
 };
 
 }  // namespace ringfence::nodes

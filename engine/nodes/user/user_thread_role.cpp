@@ -1,7 +1,10 @@
 #include "nodes/user/user_thread_role.hpp"
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
+
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
@@ -9,17 +12,47 @@ using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
-UserThreadRole::UserThreadRole(const Connection& server, std::vector<UserRole*> users, std::uint64_t first_frame)
-    : server_(server),
+namespace {
+
+/// Number of user nodes that a thread steps before it wakes the server.
+constexpr std::size_t users_a_ring = 16;
+
+/// Adds its life time to a timeline. There are many user nodes, so it reads the clock only if there is a timeline.
+class Span {
+ public:
+  Span(telemetry::Track* track, const char* name) noexcept
+      : track_(track), name_(name), begin_ns_(track != nullptr ? telemetry::now_ns() : 0) {}
+  ~Span() {
+    if (track_ != nullptr) {
+      track_->add(name_, begin_ns_, telemetry::now_ns());
+    }
+  }
+  Span(const Span&) = delete;
+  Span& operator=(const Span&) = delete;
+
+ private:
+  telemetry::Track* track_;
+  const char* name_;
+  std::uint64_t begin_ns_;
+};
+
+}  // namespace
+
+UserThreadRole::UserThreadRole(const UserThreadSetup& setup, std::vector<UserRole*> users)
+    : setup_(setup),
       users_(std::move(users)),
-      first_frame_(first_frame),
       state_bytes_(users_.empty() ? 0 : users_.front()->state_bytes()),
       next_(users_.size()) {}
 
-UserThreadRole::UserThreadRole(const UserThreadRole& stalled, std::vector<UserRole*> users)
-    : UserThreadRole(stalled.server_, std::move(users), stalled.first_frame_) {
-  to_all_ = stalled.to_all_;
+UserThreadRole::UserThreadRole(const UserThreadRole& stalled, const UserThreadParts& parts,
+                               std::vector<UserRole*> users)
+    : UserThreadRole(stalled.setup_, std::move(users)) {
+  setup_.parts = parts;
+  task_ = stalled.task_;
   frame_ = stalled.frame_;
+  between_frames_ = stalled.between_frames_;
+  published_ = stalled.published_;
+  stats_ = stalled.stats_;
   if (stalled.next_ < stalled.users_.size()) {
     next_ = position_of(stalled.users_[stalled.next_]->number());
   }
@@ -28,84 +61,183 @@ UserThreadRole::UserThreadRole(const UserThreadRole& stalled, std::vector<UserRo
 Step UserThreadRole::step() {
   // The server works and sends meanwhile.
   constexpr std::size_t messages_a_ring = 16;
-  const auto before = std::pair(next_, blocked_);
+  link::Sender& out = *setup_.server.out;
+  link::Receiver& in = *setup_.server.in;
+  const auto before = std::tuple(task_, next_, sending_);
   std::size_t received = 0;
-  server_.out->set_quiet(true);
+  out.set_quiet(true);
   Step step = resume();
   while (step == Step::idle) {
-    const std::span<const std::byte> bytes = server_.in->next();
+    const std::span<const std::byte> bytes = in.next();
     if (bytes.empty()) {
       break;
     }
     step = receive(bytes);
     if (step != Step::abandoned && ++received % messages_a_ring == 0) {
-      server_.in->release();
-      server_.out->ring_unrung();
+      in.release();
+      out.ring_unrung();
     }
   }
   if (step == Step::abandoned) [[unlikely]] {
     return step;
   }
-  server_.in->release();
-  server_.out->ring_unrung();
-  return received != 0 || before != std::pair(next_, blocked_) ? Step::progressed : step;
+  in.release();
+  out.ring_unrung();
+  return received != 0 || before != std::tuple(task_, next_, sending_) ? Step::progressed : step;
 }
 
 Step UserThreadRole::receive(std::span<const std::byte> bytes) {
   MessageView message;
-  if (messages::decode(bytes, state_bytes_, message) != Status::ok || message.header().frame < first_frame_) {
+  if (messages::decode(bytes, state_bytes_, message) != Status::ok || message.header().frame < setup_.first_frame) {
     return Step::idle;
   }
   const Endpoint destination{message.header().destination};
   if (destination == Endpoint::all_users()) {
-    to_all_ = message.type();
-    frame_ = message.header().frame;
-    next_ = 0;
-    return pass_to_all();
+    start(message.header());
+    return resume();
   }
-  UserRole* const user = find(destination.number());
-  const Step step = user != nullptr ? user->receive(message) : Step::idle;
-  blocked_ = step == Step::blocked ? user : nullptr;
-  return step;
-}
-
-Step UserThreadRole::resume() {
-  if (blocked_ != nullptr) {
-    if (const Step step = blocked_->resume(); step != Step::idle) {
-      return step;
-    }
-    blocked_ = nullptr;
+  if (message.type() == MessageType::notify && !between_frames_) {
+    enter(telemetry::StepClock::end);
   }
-  return pass_to_all();
-}
-
-Step UserThreadRole::pass_to_all() {
-  constexpr std::size_t users_a_ring = 16;
-  const bool begins = to_all_ == MessageType::frame_begin;
-  while (next_ < users_.size()) {
-    prefetch_next(begins);
-    UserRole* const user = users_[next_++];
-    const Step step = begins ? user->begin(frame_) : user->allow_reading();
-    if (step != Step::idle) {
-      blocked_ = step == Step::blocked ? user : nullptr;
-      return step;
-    }
-    if (next_ % users_a_ring == 0) {
-      server_.out->ring_unrung();
-    }
+  if (UserRole* const user = find(destination.number())) {
+    user->receive(message, between_frames_);
   }
   return Step::idle;
 }
 
-// Of many user nodes none is in a cache. First the lines of the object, then those that its pointers refer to.
-void UserThreadRole::prefetch_next(bool begins) const noexcept {
-  constexpr std::size_t ahead = 2;
-  if (next_ + 3 * ahead < users_.size()) {
-    users_[next_ + 3 * ahead]->prefetch(begins);
-    users_[next_ + 2 * ahead]->prefetch_arrays(begins);
-    if (begins) {
-      users_[next_ + ahead]->prefetch_publication();
+void UserThreadRole::start(const messages::Header& header) {
+  next_ = 0;
+  switch (static_cast<MessageType>(header.type)) {
+    case MessageType::frame_begin:
+      enter(telemetry::StepClock::move);
+      task_ = Task::move;
+      frame_ = header.frame;
+      between_frames_ = false;
+      published_ = 0;
+      stats_ = {};
+      setup_.server.publication->published.any[frame_ & 1] = false;
+      setup_.server.publication->publication.begin(frame_);
+      break;
+    case MessageType::read_publications:
+      enter(telemetry::StepClock::read_publications);
+      task_ = Task::read;
+      setup_.parts.reader->begin(frame_, &setup_.server.publication->published);
+      break;
+    case MessageType::notify:  // all contacts of the frame have arrived
+      enter(telemetry::StepClock::end);
+      task_ = Task::send_frame_done;
+      between_frames_ = true;
+      run_.start(1);
+      break;
+    default:
+      break;
+  }
+}
+
+Step UserThreadRole::resume() {
+  if (task_ == Task::move) {
+    if (const Step step = move_all(); step != Step::idle) {
+      return step;
     }
+    publish();
+    run_.start(0);
+    task_ = Task::send_published;
+  } else if (task_ == Task::read) {
+    read_all();
+    task_ = Task::none;
+  }
+  if ((task_ == Task::send_published && !send_published()) || (task_ == Task::send_frame_done && !send_frame_done())) {
+    return Step::blocked;
+  }
+  task_ = Task::none;
+  return Step::idle;
+}
+
+Step UserThreadRole::move_all() {
+  while (true) {
+    if (sending_ != nullptr && !sending_->send_states(*setup_.server.out, run_)) {
+      return Step::blocked;
+    }
+    sending_ = nullptr;
+    if (next_ == users_.size()) {
+      return Step::idle;
+    }
+    prefetch_moves();
+    UserRole* const user = users_[next_++];
+    if (!move(*user)) [[unlikely]] {
+      return Step::abandoned;
+    }
+    published_ = user->publish(*setup_.publications, setup_.server.publication->publication, published_);
+    user->host().report(stats_);
+    run_.start(user->changed());
+    sending_ = user;
+    if (next_ % users_a_ring == 0) {
+      setup_.server.out->ring_unrung();
+    }
+  }
+}
+
+// Returns false if the World has abandoned this thread during the move. Then no result of the move may become visible
+// to other roles.
+bool UserThreadRole::move(UserRole& user) {
+  const Span span(setup_.parts.track, "move");
+  // Read before the move begins: an abandoned thread may be in it when the World sets the frame for the next move.
+  const queries::RecordedFrame* const sensed = setup_.publications->sensed;
+  MoveWatch* const watch = setup_.parts.watch;
+  if (watch != nullptr) {
+    watch->enter(user.number());
+  }
+  user.move(frame_, scratch_, sensed);
+  return watch == nullptr || watch->leave();
+}
+
+void UserThreadRole::publish() {
+  HostPublication& own = *setup_.server.publication;
+  own.publication.publish();
+  note_cell_range(own.published, frame_);
+  stats_.published = published_;
+}
+
+void UserThreadRole::read_all() {
+  while (next_ < users_.size()) {
+    prefetch_reads();
+    const Span span(setup_.parts.track, "read publications");
+    users_[next_++]->read(*setup_.parts.reader);
+  }
+}
+
+bool UserThreadRole::send_published() {
+  messages::TrafficCounts traffic{};  // the server counts
+  return run_.pump(*setup_.server.out, {MessageType::published, Endpoint::all_users(), Endpoint::server(), frame_, 0},
+                   0, traffic, [](std::size_t, std::byte*) {});
+}
+
+bool UserThreadRole::send_frame_done() {
+  messages::TrafficCounts traffic{};
+  return run_.send(*setup_.server.out, {MessageType::frame_done, Endpoint::all_users(), Endpoint::server(), frame_, 0},
+                   traffic, [this](std::size_t) { return stats_; });
+}
+
+void UserThreadRole::enter(telemetry::StepClock::Step step) noexcept {
+  if (setup_.parts.clock != nullptr) {
+    setup_.parts.clock->enter(step);
+  }
+}
+
+// Of many user nodes none is in a cache. First the lines of the object, then those that its pointers refer to.
+void UserThreadRole::prefetch_moves() const noexcept {
+  constexpr std::size_t ahead = 4;
+  if (next_ + 2 * ahead < users_.size()) {
+    users_[next_ + 2 * ahead]->prefetch_move();
+    users_[next_ + ahead]->prefetch_arrays();
+  }
+}
+
+void UserThreadRole::prefetch_reads() const noexcept {
+  constexpr std::size_t ahead = 4;
+  if (next_ + 2 * ahead < users_.size()) {
+    users_[next_ + 2 * ahead]->prefetch_read();
+    users_[next_ + ahead]->prefetch_avatar();
   }
 }
 
@@ -119,14 +251,7 @@ UserRole* UserThreadRole::find(UserNumber number) noexcept {
   if (guess_ >= users_.size() || users_[guess_]->number() != number) {
     guess_ = position_of(number);
   }
-  if (guess_ == users_.size() || users_[guess_]->number() != number) {
-    return nullptr;
-  }
-  constexpr std::size_t ahead = 8;
-  if (guess_ + ahead < users_.size()) {
-    users_[guess_ + ahead]->prefetch(false);
-  }
-  return users_[guess_++];
+  return guess_ < users_.size() && users_[guess_]->number() == number ? users_[guess_++] : nullptr;
 }
 
 }  // namespace ringfence::nodes

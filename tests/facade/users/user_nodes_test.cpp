@@ -40,9 +40,6 @@ struct Fixture {
     }
     users.apply_requests();
   }
-  const link::Publication* publication(UserNumber number) const {
-    return state.publications.users.at(number).publication;
-  }
   Numbers numbers_in_time() const {
     Numbers numbers;
     users.each([&](const User& user) {
@@ -61,31 +58,18 @@ struct Fixture {
   UserNodes users;
 };
 
-TEST_CASE("a user node that connects has a connection, and the others can read its publication") {
+TEST_CASE("a user node that connects has a connection and a publication, which it shares with those of its thread") {
   Fixture fixture;
   fixture.connect({3, 1});
   for (const nodes::Request& request : fixture.state.order.requests) {
     CHECK(request.connection.out != nullptr);
     CHECK(request.connection.in != nullptr);
+    CHECK(request.connection.publication != nullptr);
+    CHECK(request.connection.publication == fixture.state.order.requests.front().connection.publication);
   }
   CHECK(fixture.numbers_in_time() == Numbers{1, 3});
-  CHECK(fixture.publication(3) == &fixture.users.find(3)->publication);
-  CHECK(fixture.publication(2) == nullptr);
   CHECK(fixture.users.find(2) == nullptr);
   CHECK(fixture.threads() == 0);
-}
-
-TEST_CASE("a late user node is not stepped, and no role reads its publication") {
-  Fixture fixture;
-  fixture.connect({0, 1});
-  const std::vector<UserId> late{UserId(1)};
-  fixture.users.part_with_late(late);
-  CHECK(fixture.numbers_in_time() == Numbers{0});
-  CHECK(fixture.publication(1) == nullptr);
-  CHECK(fixture.users.find(1)->late);
-  fixture.users.forget(Numbers{1});
-  CHECK(fixture.users.find(1) == nullptr);
-  CHECK(fixture.numbers_in_time() == Numbers{0});
 }
 
 TEST_CASE("moves and inputs are cleared when they are passed to the user nodes") {
@@ -99,17 +83,13 @@ TEST_CASE("moves and inputs are cleared when they are passed to the user nodes")
   CHECK(orders.inputs.empty());
 }
 
-TEST_CASE("a fault needs a user node that is not late, and a stage of user nodes") {
+TEST_CASE("a fault needs a connected user node, and a stage of user nodes") {
   Fixture fixture(1);
   fixture.connect({0, 1});
-  const std::vector<UserId> late{UserId(1)};
-  fixture.users.part_with_late(late);
   Fault fault;
   fault.stage = NodeStage::model;
   fault.user = UserId(0);
   CHECK(fixture.users.inject(fault));
-  fault.user = UserId(1);
-  CHECK(!fixture.users.inject(fault));
   fault.user = UserId(2);
   CHECK(!fixture.users.inject(fault));
   fault.user = UserId(0);
@@ -147,7 +127,11 @@ TEST_CASE("a stalled thread keeps the user node in whose move it is, and a new t
   CHECK(order.moved_connections[0].connection.in == fixture.state.order.requests[0].connection.in);
   CHECK(order.moved_connections[0].bell == fixture.users.threads().bell(0));
   CHECK(fixture.numbers_in_time() == Numbers{0, 1, 4});
-  CHECK(fixture.publication(2) == nullptr);
+  CHECK(fixture.users.find(2)->late);
+  Fault fault;
+  fault.stage = NodeStage::model;
+  fault.user = UserId(2);
+  CHECK(!fixture.users.inject(fault));
   CHECK(fixture.threads() == 3);
   fixture.users.forget(Numbers{2});
   fixture.users.free_stalled();

@@ -41,7 +41,7 @@ class NodeFixture {
   NodeExchange& exchange() { return *exchange_; }
   /// What the other node shares.
   NodeContacts& peer() { return peer_contacts_; }
-  NodePublication& publication() { return publication_; }
+  HostPublication& publication() { return publication_; }
   const geometry::FixedSpace& space() const { return space_; }
   geometry::Bounds bounds(const Vec3d& position) const;
 
@@ -80,7 +80,7 @@ class NodeFixture {
   ShiftModel model_;
   link::Channel to_server_, to_peer_;
   NodeContacts contacts_, peer_contacts_;
-  NodePublication publication_;
+  HostPublication publication_;
   std::list<std::vector<std::uint64_t>> messages_;
   std::unique_ptr<NodeState> state_;
   std::unique_ptr<NodeExchange> exchange_;

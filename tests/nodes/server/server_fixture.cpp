@@ -48,14 +48,16 @@ Connection ServerFixture::connection(Endpoint peer) {
   const bool shares = config_.shares_memory && peer.is_node();
   made->node_contacts.host = &made->host;
   made->node_contacts.host_states.reserve(16, 0);
-  made->publication = std::make_unique<NodePublication>(grid_, 16);
+  made->publication = std::make_unique<HostPublication>(grid_, 16);
   return {&made->to_peer.sender(), &made->from_peer.receiver(), shares ? &made->node_contacts : nullptr,
           shares && config_.interest > 0 ? made->publication.get() : nullptr};
 }
 
 void ServerFixture::connect(UserNumber user) {
-  state_->connect(user, connection(Endpoint::user(user)));
-  publications_.users.resize(state_->users.size());
+  Connection made = connection(Endpoint::user(user));
+  made.publication = peers_.at(Endpoint::user(user).value)->publication.get();
+  state_->connect(user, made);
+  state_->user_connections.back().published = true;
 }
 
 std::uint32_t ServerFixture::add(const Vec3d& position, Endpoint host, Category category, UserNumber user) {
@@ -87,9 +89,20 @@ std::vector<SentMessage> ServerFixture::sent_to(Endpoint peer) {
   return sent;
 }
 
+void ServerFixture::fill(Endpoint peer) {
+  link::Sender& sender = peers_.at(peer.value)->to_peer.sender();
+  const messages::RunHeader head{MessageType::probe, Endpoint::server(), peer, state_->frame, state_->map.epoch()};
+  for (auto room = sender.claim(sizeof(messages::Header)); !room.empty(); room = sender.claim(room.size())) {
+    messages::write_header(room.data(), head, 0, 0, true, 0);
+    sender.commit(room.size());
+  }
+  sender.publish();
+}
+
 void ServerFixture::send(Endpoint from, MessageType type, std::size_t record_bytes, std::size_t count,
-                         std::span<const std::byte> records) {
-  const messages::RunHeader head{type, from, Endpoint::server(), state_->frame, state_->map.epoch()};
+                         std::span<const std::byte> records, bool for_all) {
+  const messages::RunHeader head{type, for_all ? Endpoint::all_users() : from, Endpoint::server(), state_->frame,
+                                 state_->map.epoch()};
   link::Sender& sender = peers_.at(from.value)->from_peer.sender();
   const std::span<std::byte> room = sender.claim(sizeof(messages::Header) + records.size());
   REQUIRE(!room.empty());

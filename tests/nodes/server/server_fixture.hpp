@@ -63,7 +63,7 @@ class ServerFixture {
   Connection connection(Endpoint peer);
   /// What a CD node of this process shares; valid with shares_memory.
   NodeContacts& node_contacts(NodeNumber node) { return peers_.at(Endpoint::node(node).value)->node_contacts; }
-  NodePublication& publication(NodeNumber node) { return *peers_.at(Endpoint::node(node).value)->publication; }
+  HostPublication& publication(NodeNumber node) { return *peers_.at(Endpoint::node(node).value)->publication; }
   /// The objects that a CD node of this process hosts.
   Host& host(NodeNumber node) { return peers_.at(Endpoint::node(node).value)->host; }
 
@@ -74,6 +74,8 @@ class ServerFixture {
   std::uint32_t add(const Vec3d& position, Endpoint host, Category category = Category::active, UserNumber user = 0);
   /// Takes the messages that were sent to a peer since the last call.
   std::vector<SentMessage> sent_to(Endpoint peer);
+  /// Leaves no room for messages to a peer, until sent_to() is called.
+  void fill(Endpoint peer);
   /// Sends a message from a peer, the last of its run.
   template <class Record>
   void send(Endpoint from, MessageType type, std::span<const Record> records) {
@@ -84,17 +86,23 @@ class ServerFixture {
     send(from, type, std::span<const Record>(&record, 1));
   }
   void send(Endpoint from, MessageType type) { send(from, type, 0, 0, {}); }
+  /// The same from the thread of a user node, for all user nodes of the thread.
+  void send_for_all(UserNumber user, MessageType type) { send(Endpoint::user(user), type, 0, 0, {}, true); }
+  void send_for_all(UserNumber user, const messages::NodeFrameStats& stats) {
+    const std::span<const messages::NodeFrameStats> records(&stats, 1);
+    send(Endpoint::user(user), MessageType::frame_done, sizeof stats, 1, std::as_bytes(records), true);
+  }
 
  private:
   struct Peer {
     link::Channel to_peer{std::size_t{1} << 16, nullptr, nullptr}, from_peer{std::size_t{1} << 16, nullptr, nullptr};
     Host host{nullptr, 16};
     NodeContacts node_contacts;
-    std::unique_ptr<NodePublication> publication;
+    std::unique_ptr<HostPublication> publication;
   };
 
   void send(Endpoint from, MessageType type, std::size_t record_bytes, std::size_t count,
-            std::span<const std::byte> records);
+            std::span<const std::byte> records, bool for_all = false);
 
   FixtureConfig config_;
   geometry::ShapeTable shapes_;

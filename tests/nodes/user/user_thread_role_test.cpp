@@ -36,26 +36,24 @@ class RecordingModel : public MotionModel {
 
 /// A thread with user nodes of the given numbers, each with an avatar of that number. The test is the server.
 struct Fixture {
+  static constexpr double interest = 8;
   explicit Fixture(const Numbers& numbers, std::size_t ring_bytes = 1 << 16)
       : to_users(ring_bytes, nullptr, nullptr), from_users(ring_bytes, nullptr, nullptr) {
-    publications.grid = {{2, 2, 1}};
-    publications.space = &space;
-    publications.users.resize(1000);
     for (const UserNumber number : numbers) {
-      states.push_back(std::make_unique<link::Publication>(publications.grid.cells(), 4));
-      publications.users[number].publication = states.back().get();
       UserSetup setup;
       setup.user = number;
       setup.model = &model;
-      setup.publications = &publications;
-      setup.thread.watch = &model.watch;
       setup.objects = 4;
-      setup.server = &from_users.sender();
       users.push_back(std::make_unique<UserRole>(setup));
     }
-    role = std::make_unique<UserThreadRole>(connection(), list(), 1);
+    UserThreadSetup setup;
+    setup.server = {&from_users.sender(), &to_users.receiver(), nullptr, &publication};
+    setup.publications = &publications;
+    setup.parts.reader = &reader;
+    setup.parts.watch = &model.watch;
+    setup.first_frame = 1;
+    role = std::make_unique<UserThreadRole>(setup, list());
   }
-  Connection connection() { return {&from_users.sender(), &to_users.receiver()}; }
   std::vector<UserRole*> list(UserNumber without = no_user_number) {
     std::vector<UserRole*> all;
     for (const auto& user : users) {
@@ -71,7 +69,11 @@ struct Fixture {
   void adopt(UserNumber user, ObjectNumber number) {
     run.start(1);
     REQUIRE(run.send(to_users.sender(), {MessageType::adopt, Endpoint::server(), Endpoint::user(user), 1, 1}, traffic,
-                     [&](std::size_t) { return record_of(number); }));
+                     [&](std::size_t) {
+                       messages::HandOverRecord record = record_of(number);
+                       record.category = static_cast<std::uint16_t>(Category::avatar);
+                       return record;
+                     }));
     (void)role->step();
   }
   /// The senders of the messages of a type that have arrived since the last call, whatever it was for.
@@ -89,9 +91,10 @@ struct Fixture {
 
   RecordingModel model;
   geometry::FixedSpace space{{0, 0, 0}, {64, 64, 64}};
-  Publications publications;
+  Publications publications{.grid = {{2, 2, 1}}, .space = &space, .server = {}, .relays = {}};
+  HostPublication publication{publications.grid, 0};
+  InterestReader reader{publications, interest};
   link::Channel to_users, from_users;
-  std::vector<std::unique_ptr<link::Publication>> states;
   std::vector<std::unique_ptr<UserRole>> users;
   std::unique_ptr<UserThreadRole> role;
   messages::RunSender run;
@@ -107,10 +110,43 @@ TEST_CASE("a message reaches the user node that it names, and one to all reaches
   CHECK(test.role->step() == Step::progressed);
   CHECK(test.model.moved == Numbers{2, 5, 7});
   CHECK(test.senders_of(MessageType::state_update) == Numbers{2, 5, 7});
-  for (const UserNumber user : {5u, 7u}) test.send(MessageType::notify, Endpoint::user(user), 1);
-  CHECK(test.role->step() == Step::progressed);
-  CHECK(test.senders_of(MessageType::frame_done) == Numbers{5, 7});
   CHECK(test.role->step() == Step::idle);
+}
+
+TEST_CASE("the thread publishes and acknowledges a frame once for all its user nodes") {
+  Fixture test({2, 5, 7});
+  for (const UserNumber user : {2u, 5u, 7u}) test.adopt(user, user);
+  test.send(MessageType::frame_begin, Endpoint::all_users(), 1);
+  CHECK(test.role->step() == Step::progressed);
+  CHECK(test.senders_of(MessageType::published) == Numbers{Endpoint::all_users().number()});
+  CHECK(test.publication.publication.states(1).size() == 3);
+  test.send(MessageType::notify, Endpoint::user(5), 1);
+  CHECK(test.role->step() == Step::progressed);
+  CHECK(test.senders_of(MessageType::frame_done).empty());
+  test.send(MessageType::notify, Endpoint::all_users(), 1);
+  CHECK(test.role->step() == Step::progressed);
+  CHECK(test.senders_of(MessageType::frame_done) == Numbers{Endpoint::all_users().number()});
+}
+
+TEST_CASE("a user node reads what the others of its thread have published, and not its own states") {
+  Fixture test({2, 5, 7});
+  for (const UserNumber user : {7u, 2u, 5u}) test.adopt(user, user);
+  test.adopt(5, 9);
+  test.send(MessageType::frame_begin, Endpoint::all_users(), 1);
+  (void)test.role->step();
+  test.publications.relays[1] = {&test.publication.published};
+  test.send(MessageType::read_publications, Endpoint::all_users(), 1);
+  CHECK(test.role->step() == Step::progressed);
+  const auto seen = [&](std::size_t user) {
+    Numbers numbers;
+    for (const auto states : test.users[user]->seen(1)) {
+      for (const link::PublishedState& state : states) numbers.push_back(state.number);
+    }
+    return numbers;
+  };
+  CHECK(seen(0) == Numbers{5, 9, 7});
+  CHECK(seen(1) == Numbers{2, 7});
+  CHECK(seen(2) == Numbers{2, 5, 9});
 }
 
 TEST_CASE("messages to user nodes that are gone, and those of frames before the role's first one, are ignored") {
@@ -154,14 +190,15 @@ TEST_CASE("a new thread goes on after the user node in whose move the old one wa
     CHECK(test.role->step() == Step::abandoned);
     MoveWatch watch;
     UserThreadParts parts;
+    parts.reader = &test.reader;
     parts.watch = &watch;
-    for (const auto& user : test.users) user->set_thread(parts);
-    UserThreadRole successor(*test.role, test.list(stalled));
+    UserThreadRole successor(*test.role, parts, test.list(stalled));
     CHECK(successor.step() == Step::progressed);
     CHECK(test.model.moved == Numbers{2, 5, 7});
     Numbers others{2, 5, 7};
     std::erase(others, stalled);
     CHECK(test.senders_of(MessageType::state_update) == others);
+    CHECK(test.publication.publication.states(1).size() == others.size());
   }
 }
 

@@ -32,7 +32,13 @@ Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world
     if (spec.category == Category::avatar) users.insert(spec.user.number());
   }
   for (const std::uint32_t user : users) users_.emplace_back(user);
-  for (const UserId user : world.report().late) remove_user(user);  // it is disconnected at the next cut
+  note_late_users(world.report());
+}
+
+// They are disconnected at the next cut.
+void Soak::note_late_users(const FrameReport& report) {
+  counts_.late += report.late.size();
+  for (const UserId user : report.late) remove_user(user);
 }
 
 void Soak::make_requests() {
@@ -83,8 +89,7 @@ bool Soak::check_report(const FrameReport& report) {
   expected_.fill(0);
   counts_.lost += report.lost.size();
   lost_last_ = !report.lost.empty();
-  counts_.late += report.late.size();
-  std::for_each(report.late.begin(), report.late.end(), [this](UserId user) { remove_user(user); });
+  note_late_users(report);
   counts_.failures += passed ? 0 : 1;
   return passed;
 }

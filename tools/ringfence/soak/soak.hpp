@@ -27,6 +27,8 @@ class Soak {
   void make_requests();
   /// To be called after each frame. False if a check failed.
   bool check_report(const FrameReport& report);
+  /// To be called instead after a frame that is not checked.
+  void note_late_users(const FrameReport& report);
 
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0, changed = 0;

@@ -78,6 +78,7 @@ class SoakRun {
     advance(world_, world_.frames());
     journal_.count_frame(world_);
     checker_.skip_frame();
+    if (soak_) soak_->note_late_users(world_.report());
   }
 
   void check_one_frame() {

@@ -5,7 +5,7 @@
 namespace ringfence::nodes {
 
 /// ServerExchange of a world whose nodes share memory with the server: their contacts, the objects that they host,
-/// their ghost updates and their publications. NodeContacts and NodePublication say who may access what when.
+/// their ghost updates and their publications. NodeContacts and HostPublication say who may access what when.
 ///
 /// Only this class and ContactLedger open and close gates.
 class SharedServerExchange final : public ServerExchange {

@@ -109,16 +109,24 @@ void ContactRouter::start_nodes() {
 void ContactRouter::start_users() {
   list_notices();
   users_are_notified_ = false;
-  state_.start_sending_to_users();
-  state_.all_users([&](PeerSession& user) {
-    user.closing.notice_run.start(user.closing.notices.size());
-    state_.await(user);
-    return true;
-  });
+  for (UserConnection& peers : state_.user_connections) {
+    std::sort(peers.notified.begin(), peers.notified.end());
+    for (const UserNumber user : peers.notified) {
+      PeerSession::Closing& closing = state_.users[user].closing;
+      closing.notice_run.start(closing.notices.size());
+    }
+    peers.next = 0;
+  }
 }
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
 void ContactRouter::list_notices() {
+  for (UserConnection& peers : state_.user_connections) {
+    for (const UserNumber user : peers.notified) {
+      state_.users[user].closing.notices.clear();
+    }
+    peers.notified.clear();
+  }
   notices_ = state_.ledger.notices(!state_.nodes_host());
   ended_notices_ = state_.ledger.ended_notices(!state_.nodes_host());
   std::uint32_t next_ended = 0;
@@ -140,6 +148,9 @@ void ContactRouter::list_notice(std::uint32_t notice, const Found& found) {
   const Endpoint second = state_.objects.host(found.b);
   const auto notify_host = [&](Endpoint host) {
     if (PeerSession* session = host.is_user() ? state_.session_of(host) : nullptr) {
+      if (session->closing.notices.empty()) {
+        state_.user_connections[session->user_connection].notified.push_back(host.number());
+      }
       session->closing.notices.push_back(notice);
     }
   };
@@ -178,14 +189,17 @@ bool ContactRouter::notify_user(PeerSession& user) {
                      [&](std::size_t i) { return contact_of(closing.notices[i]); });
 }
 
+// On each connection first all contacts, then one message to all its users that says so.
 bool ContactRouter::notify_users() {
   if (users_are_notified_) {
     return false;
   }
   users_are_notified_ = true;
   for (UserConnection& peers : state_.user_connections) {
-    users_are_notified_ &= relay_.send_read_publications(peers) &&
-                           state_.send_to_users(peers, [this](PeerSession& user) { return notify_user(user); });
+    users_are_notified_ &=
+        relay_.send_read_publications(peers) &&
+        state_.send_to_users(peers, peers.notified, [this](PeerSession& user) { return notify_user(user); }) &&
+        state_.send_to_all(peers, peers.end_run, MessageType::notify);
   }
   return true;
 }

@@ -35,7 +35,7 @@ class ContactRouter {
   /// Sends a node what ends its frame: map, unlisted contacts, corrections, and what it gets from other nodes. Sends as
   /// much as the ring takes; true when all is sent.
   bool notify(PeerSession& node);
-  /// Lists what notify_users() sends, and awaits their acknowledgements.
+  /// Lists what notify_users() sends.
   void start_users();
   /// Sends the users their contacts. Returns false if that was done before.
   bool notify_users();

@@ -163,8 +163,9 @@ void Cut::add_node(const Request& request) {
 // Its objects end when all requests are applied, so that any number of users costs one pass. Requests that name its
 // number come after that: the number is not free before the frame is complete.
 void Cut::disconnect(UserNumber user) {
-  state_.stop_awaiting(state_.users[user]);
-  state_.users[user].connected = false;
+  PeerSession& session = state_.users[user];
+  state_.lost_users -= session.lost ? 1 : 0;
+  session.connected = false;
   users_changed_ = any_left_ = true;
 }
 
@@ -200,8 +201,8 @@ void Cut::spawn(const Request& request) {
 void Cut::end_object(std::uint32_t slot) {
   states_.end_host_owned(slot);
   const Endpoint host = state_.objects.host(slot);
-  if (PeerSession* session = state_.session_of(host)) {
-    session->opening.drops.push_back(slot);
+  if (PeerSession::Opening* const opening = state_.opening_of(host)) {
+    opening->drops.push_back(slot);
   } else if (host.is_server()) {
     state_.host.drop(state_.objects.row(slot).object.number);
   }
@@ -223,8 +224,8 @@ void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
     return;  // the bounds are set when it has moved
   }
   states_.set_bounds(slot);
-  if (PeerSession* session = state_.session_of(host)) {
-    session->opening.placements.push_back(slot);
+  if (PeerSession::Opening* const opening = state_.opening_of(host)) {
+    opening->placements.push_back(slot);
   }
 }
 
@@ -268,8 +269,8 @@ void Cut::list_changed() {
     }
     states_.set_bounds(slot);
     const Endpoint host = state_.objects.host(slot);
-    if (PeerSession* const session = state_.session_of(host)) {
-      session->opening.adoptions.push_back(slot);
+    if (PeerSession::Opening* const opening = state_.opening_of(host)) {
+      opening->adoptions.push_back(slot);
     } else if (host.is_server()) {
       state_.host.adopt(state_.objects.hand_over(slot), state_.objects.state(slot));
     }
@@ -279,15 +280,15 @@ void Cut::list_changed() {
 
 void Cut::rehost(const HostChange& change) {
   const ObjectRow& row = state_.objects.row(change.slot);
-  if (PeerSession* from = state_.session_of(change.from)) {
-    from->opening.drops.push_back(change.slot);
+  if (PeerSession::Opening* const from = state_.opening_of(change.from)) {
+    from->drops.push_back(change.slot);
   } else if (change.from.is_server()) {
     state_.host.drop(row.object.number);
     // The object may have been placed at this cut, and the next host reports only objects that it moves.
     states_.set_bounds(change.slot);
   }
-  if (PeerSession* to = state_.session_of(change.to)) {
-    to->opening.adoptions.push_back(change.slot);
+  if (PeerSession::Opening* const to = state_.opening_of(change.to)) {
+    to->adoptions.push_back(change.slot);
   } else if (change.to.is_server()) {
     state_.host.adopt(state_.objects.hand_over(change.slot), state_.objects.state(change.slot));
   }
@@ -311,8 +312,8 @@ void Cut::list_known_contacts() {
            (std::find(lost.begin(), lost.end(), finder) != lost.end() && state_.objects.host(slot).is_node());
   };
   const auto send = [&](Endpoint host, const Contact& contact) {
-    if (PeerSession* session = state_.session_of(host)) {
-      session->opening.contacts.push_back(contact);
+    if (PeerSession::Opening* const opening = state_.opening_of(host)) {
+      opening->contacts.push_back(contact);
     }
   };
   const auto contacts = state_.ledger.contacts(state_.frame - 1);
@@ -350,45 +351,66 @@ void Cut::start_nodes() {
   });
 }
 
+// Nothing is written for a user without changes: of many users none is in a cache.
 void Cut::start_users() {
-  state_.start_sending_to_users();
-  for (UserConnection& peers : state_.user_connections) {
-    peers.begin_run.start(0);
+  for (const UserNumber user : state_.refused_users) {
+    PeerSession& session = state_.users[user];
+    state_.opening_of(session.self)->refusals.swap(session.received.refusals);
+    session.received.refusals.clear();
   }
-  state_.all_users([&](PeerSession& user) {
-    start(user);
-    state_.await(user);
-    return true;
-  });
+  state_.refused_users.clear();
+  for (UserConnection& peers : state_.user_connections) {
+    std::sort(peers.changed.begin(), peers.changed.end());
+    for (const UserNumber user : peers.changed) {
+      start_runs(state_.users[user].opening);
+    }
+    peers.next = 0;
+    peers.begin_run.start(0);
+    peers.end_run.start(0);
+    peers.published = peers.frame_done = false;
+  }
+  state_.await_users();
 }
 
 bool Cut::open_users() {
   bool all = true;
   for (UserConnection& peers : state_.user_connections) {
-    all &= state_.send_to_users(peers, [this](PeerSession& user) { return send_changes(user); }) &&
+    all &= state_.send_to_users(peers, peers.changed, [this](PeerSession& user) { return send_changes(user); }) &&
            state_.send_to_all(peers, peers.begin_run, MessageType::frame_begin);
+  }
+  if (all) {
+    forget_changes();
   }
   return all;
 }
 
-void Cut::start(PeerSession& session) {
-  PeerSession::Opening& opening = session.opening;
-  opening.refusals.swap(session.received.refusals);
-  session.received.refusals.clear();
+void Cut::forget_changes() noexcept {
+  for (UserConnection& peers : state_.user_connections) {
+    for (const UserNumber user : peers.changed) {
+      state_.users[user].changes = false;
+    }
+    peers.changed.clear();
+  }
+}
+
+void Cut::start_runs(PeerSession::Opening& opening) noexcept {
   opening.drop_run.start(opening.drops.size());
   opening.adopt_run.start(opening.adoptions.size());
   opening.place_run.start(opening.placements.size());
   opening.contact_run.start(opening.contacts.size());
   opening.refused_run.start(opening.refusals.size());
-  opening.begin_run.start(0);
+}
+
+void Cut::start(PeerSession& node) {
+  start_runs(node.opening);
+  node.opening.begin_run.start(0);
   if (state_.map_change.precedes_frame) {
-    session.loss.map_run.start(state_.map.table().size());
+    node.loss.map_run.start(state_.map.table().size());
   }
-  session.closing.notices.clear();
-  session.closing.hand_overs = 0;
-  session.received.begin();
-  session.last_received_ns = state_.begin_ns;
-  session.probed_ns = session.started.ns = session.notified.ns = 0;
+  node.closing.hand_overs = 0;
+  node.received.begin(state_.frame);
+  node.last_received_ns = state_.begin_ns;
+  node.probed_ns = node.started.ns = node.notified.ns = 0;
 }
 
 bool Cut::open(PeerSession& node) {

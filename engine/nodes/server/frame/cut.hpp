@@ -59,7 +59,9 @@ class Cut {
   void mark_restored();
   void list_changed();
   void rehost(const HostChange& change);
-  void start(PeerSession& session);
+  void start(PeerSession& node);
+  void forget_changes() noexcept;
+  static void start_runs(PeerSession::Opening& opening) noexcept;
   bool send_changes(PeerSession& session);
 
   ServerState& state_;

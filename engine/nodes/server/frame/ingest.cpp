@@ -92,11 +92,11 @@ bool Ingest::is_awaited(const PeerSession& node) const noexcept {
   return true;
 }
 
-// While no user is awaited, unexpected messages stay in the rings.
+// While no message of the users is awaited, unexpected messages stay in the rings.
 bool Ingest::receive_from_users() {
   bool any = false;
-  for (const UserConnection& peers : state_.user_connections) {
-    any |= state_.awaited_users != 0 && drain(peers);
+  for (UserConnection& peers : state_.user_connections) {
+    any |= state_.awaits(peers) && drain(peers);
   }
   return any;
 }
@@ -128,7 +128,7 @@ bool Ingest::drain(PeerSession& node) {
 }
 
 // Reads what the users of a connection have sent, up to a limit: a flooding thread must not keep the others waiting.
-bool Ingest::drain(const UserConnection& peers) {
+bool Ingest::drain(UserConnection& peers) {
   constexpr std::size_t max_bytes_at_once = 65536;
   if (!peers.connection.in->has_message()) {
     return false;
@@ -151,10 +151,13 @@ bool Ingest::drain(const UserConnection& peers) {
 }
 
 // A message that names no user of its connection counts as one of the first of them. What a late user sends is ignored.
-void Ingest::receive_from_user(const UserConnection& peers, std::span<const std::byte> bytes) {
+void Ingest::receive_from_user(UserConnection& peers, std::span<const std::byte> bytes) {
   MessageView message;
   bool valid = messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok;
   const Endpoint source{valid ? message.header().source : Endpoint::none().value};
+  if (source == Endpoint::all_users() && receive_from_all(peers, message)) {
+    return;
+  }
   const bool named = source.is_user() && source.number() < state_.users.size() &&
                      state_.users[source.number()].connected &&
                      state_.users[source.number()].connection.in == peers.connection.in;
@@ -162,6 +165,9 @@ void Ingest::receive_from_user(const UserConnection& peers, std::span<const std:
   if (user.lost) {
     return;
   }
+  base::prefetch_object(state_.users[std::min<std::size_t>(user.self.number() + 8, state_.users.size() - 1)].received);
+  PeerSession::Received& received = state_.received_from(user);
+  const bool was_awaited = !received.states;
   valid = valid && named && message.header().frame == state_.frame;
   if (is_over_quota(user, bytes.size(), valid ? &message : nullptr)) {
     refuse(user, Status::over_quota);
@@ -170,9 +176,25 @@ void Ingest::receive_from_user(const UserConnection& peers, std::span<const std:
   } else {
     refuse(user, Status::bad_message);
   }
-  if (state_.contacts_are_final() ? user.received.frame_done : user.received.states) {
-    state_.stop_awaiting(user);
+  state_.awaited_users -= was_awaited && received.states ? 1 : 0;
+}
+
+// What the thread of user nodes sends for all of them. Returns false if the protocol does not allow it now.
+bool Ingest::receive_from_all(UserConnection& peers, const MessageView& message) {
+  if (message.header().frame != state_.frame) {
+    return false;
   }
+  if (message.type() == MessageType::published && !peers.published && !state_.contacts_are_final()) {
+    peers.published = true;
+  } else if (message.type() == MessageType::frame_done && message.count() == 1 && !peers.frame_done &&
+             state_.contacts_are_final() && peers.end_run.done()) {
+    peers.frame_done = true;
+    statistics_.add_users(message.record<messages::NodeFrameStats>(0));
+  } else {
+    return false;
+  }
+  statistics_.count(message.header());
+  return true;
 }
 
 bool Ingest::refuse_lost() {
@@ -189,14 +211,11 @@ bool Ingest::refuse_lost() {
   return any;
 }
 
-// Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
-// nevertheless: otherwise the frame would wait for them.
+// Whether the message exceeds its sender's quota and is ignored. The end of the states counts nevertheless: otherwise
+// the frame would wait for it.
 bool Ingest::is_over_quota(PeerSession& user, std::size_t bytes, const MessageView* valid) {
   user.received.bytes += bytes;
   if (state_.setup.quotas.bytes == 0 || user.received.bytes <= state_.setup.quotas.bytes + 512 * shared_objects()) {
-    return false;
-  }
-  if (valid != nullptr && valid->type() == MessageType::frame_done) {
     return false;
   }
   user.received.states |= valid != nullptr && valid->type() == MessageType::state_update && valid->last();
@@ -212,6 +231,9 @@ void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
     sender.broken = any_broken_ = true;
   }
   if (sender.self.is_user() && sender.received.refusals.size() < PeerSession::Received::max_refusals) {
+    if (sender.received.refusals.empty()) {
+      state_.refused_users.push_back(sender.self.number());
+    }
     sender.received.refusals.push_back({number, static_cast<std::uint32_t>(reason)});
   }
 }
@@ -270,9 +292,9 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
     case MessageType::narrow_done:
       return node && message.count() == 1;
     case MessageType::frame_done:
-      // Accepted once, and only after the contacts that it acknowledges have been sent.
-      return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
-             (node ? session.closing.end_run : session.closing.notice_run).done();
+      // Accepted once, and only after the contacts that it acknowledges have been sent. See receive_from_all().
+      return node && message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
+             session.closing.end_run.done();
     default:
       return false;
   }
@@ -482,14 +504,12 @@ void Ingest::receive_narrow_done(PeerSession& session, const MessageView& messag
   session.received.narrow_done = true;
 }
 
-void Ingest::receive_frame_done(PeerSession& session, const MessageView& message) {
+void Ingest::receive_frame_done(PeerSession& node, const MessageView& message) {
   const auto record = message.record<messages::NodeFrameStats>(0);
-  statistics_.add(session, record);
-  if (session.self.is_node()) {
-    session.cost_ms = MapScheduler::cost_of(state_.setup, state_.report().nodes[session.in_report]);
-    states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
-  }
-  session.received.frame_done = true;
+  statistics_.add(node, record);
+  node.cost_ms = MapScheduler::cost_of(state_.setup, state_.report().nodes[node.in_report]);
+  states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
+  node.received.frame_done = true;
 }
 
 }  // namespace ringfence::nodes

@@ -40,8 +40,9 @@ class Ingest {
   bool receive_from_arrived();
   bool receive_from_users();
   bool drain(PeerSession& node);
-  bool drain(const UserConnection& peers);
-  void receive_from_user(const UserConnection& peers, std::span<const std::byte> bytes);
+  bool drain(UserConnection& peers);
+  void receive_from_user(UserConnection& peers, std::span<const std::byte> bytes);
+  bool receive_from_all(UserConnection& peers, const messages::MessageView& message);
   /// Objects that a user may host beside its avatars.
   std::size_t shared_objects() const noexcept {
     return state_.setup.deployment == Deployment::user ? state_.objects.live() : 0;
@@ -57,7 +58,7 @@ class Ingest {
   void receive_collisions(PeerSession& node, const messages::MessageView& message);
   void receive_changes(PeerSession& node, const messages::MessageView& message);
   void receive_narrow_done(PeerSession& node, const messages::MessageView& message);
-  void receive_frame_done(PeerSession& session, const messages::MessageView& message);
+  void receive_frame_done(PeerSession& node, const messages::MessageView& message);
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
   ServerState& state_;

@@ -88,7 +88,7 @@ void StateRelay::update_cells() {
 }
 
 bool StateRelay::is_ready() noexcept {
-  return !is_final_ &&
+  return !is_final_ && state_.users_have_published() &&
          state_.all_nodes([&](const PeerSession& node) { return node.received.published || !nodes_publish_; });
 }
 
@@ -96,7 +96,6 @@ void StateRelay::allow_reading() {
   list_publications();
   is_final_ = true;
   if (state_.setup.interest > 0) {
-    indexer_.list(*state_.setup.publications, state_.connected, state_.frame);
     for (UserConnection& peers : state_.user_connections) {
       peers.read_publications_run.start(0);
       send_read_publications(peers);
@@ -108,26 +107,39 @@ void StateRelay::allow_reading() {
 void StateRelay::list_publications() {
   auto& relays_of_frame = state_.setup.publications->relays[state_.frame & 1];
   relays_of_frame.clear();
-  if (!is_needed()) {
-    return;
-  }
-  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(Traffic::state)];
-  const auto add_relay = [&](const Published& relay) {
-    if (!relay.any[state_.frame & 1]) {
-      return;
+  const auto list = [&](const Published& relay) {
+    const bool any = relay.any[state_.frame & 1];
+    if (any) {
+      relays_of_frame.push_back(&relay);
     }
-    relays_of_frame.push_back(&relay);
-    const std::size_t states = relay.publication->states(state_.frame).size();
-    ++traffic.messages;
-    traffic.records += states;
-    traffic.bytes += states * sizeof(link::PublishedState);
+    return any;
   };
-  add_relay(state_.setup.publications->server);
+  const auto list_relay = [&](const Published& relay) {
+    if (list(relay)) {
+      count(relay);
+    }
+  };
+  if (is_needed()) {
+    list_relay(state_.setup.publications->server);
+  }
   for (const PeerSession& node : state_.nodes) {
-    if (node.is_active() && nodes_publish_) {
-      add_relay(node.connection.publication->published);
+    if (is_needed() && node.is_active() && nodes_publish_) {
+      list_relay(node.connection.publication->published);
     }
   }
+  for (const UserConnection& peers : state_.user_connections) {
+    if (peers.published) {
+      list(peers.connection.publication->published);  // counted as M1
+    }
+  }
+}
+
+void StateRelay::count(const Published& relay) noexcept {
+  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(Traffic::state)];
+  const std::size_t states = relay.publication->states(state_.frame).size();
+  ++traffic.messages;
+  traffic.records += states;
+  traffic.bytes += states * sizeof(link::PublishedState);
 }
 
 }  // namespace ringfence::nodes

@@ -5,7 +5,6 @@
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
-#include "nodes/exchange/user_index.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -49,6 +48,8 @@ class StateRelay {
   /// `read_publications`, so that they read while the nodes test. If a ring is full, the message is sent
   /// together with the contacts: the server does not wait here.
   void allow_reading();
+  /// Whether user nodes may read. The contacts are not final before that, so no role misses a publication.
+  bool allows_reading() const noexcept { return is_final_; }
   /// Continues sending `read_publications`; true when it is sent.
   bool send_read_publications(UserConnection& peers) {
     return state_.send_to_all(peers, peers.read_publications_run, messages::MessageType::read_publications);
@@ -60,21 +61,17 @@ class StateRelay {
   bool is_needed() const noexcept {
     return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
   }
-  std::uint32_t cell_of(Vec3d position) const noexcept {
-    std::uint32_t point[3];
-    state_.setup.space->point(position, point);
-    return state_.setup.publications->grid.cell_of(point);
-  }
+  std::uint32_t cell_of(const Vec3d& position) const noexcept { return state_.setup.publications->cell_of(position); }
   void update_cells();
   void list_publications();
+  void count(const Published& relay) noexcept;
 
   ServerState& state_;
   const ServerExchange& exchange_;
   base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
-  UserIndexer indexer_;
-  bool nodes_publish_ = false;    ///< CD nodes publish what they host in this frame
-  bool cells_are_known_ = false;  ///< cells_ are valid except for objects that moved in this frame
-  bool is_final_ = false;         ///< user nodes may read: the publications of this frame no longer change
+  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame
+  bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
+  bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
 };
 
 }  // namespace ringfence::nodes

@@ -140,18 +140,24 @@ void Statistics::add(const PeerSession& node, const messages::NarrowDoneRecord& 
   }
 }
 
+void Statistics::add_refusals(const messages::NodeFrameStats& stats) noexcept {
+  auto& refused = state_.report().refused;
+  refused[static_cast<std::size_t>(Status::model_failed)] += stats.model_failed;
+  refused[static_cast<std::size_t>(Status::not_finite)] += stats.not_finite;
+  refused[static_cast<std::size_t>(Status::not_unit)] += stats.not_unit;
+}
+
+// User nodes also send their states to each other, once: the publication.
+void Statistics::add_users(const messages::NodeFrameStats& stats) noexcept {
+  add_refusals(stats);
+  TrafficReport& m1 = state_.report().traffic[static_cast<std::size_t>(Traffic::m1)];
+  m1.records += stats.published;
+  m1.bytes += stats.published * sizeof(link::PublishedState);
+}
+
 void Statistics::add(const PeerSession& session, const messages::NodeFrameStats& stats) noexcept {
+  add_refusals(stats);
   FrameReport& frame = state_.report();
-  frame.refused[static_cast<std::size_t>(Status::model_failed)] += stats.model_failed;
-  frame.refused[static_cast<std::size_t>(Status::not_finite)] += stats.not_finite;
-  frame.refused[static_cast<std::size_t>(Status::not_unit)] += stats.not_unit;
-  if (session.self.is_user()) {
-    // Every user node also sends its states to the others, once: the publication.
-    TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
-    m1.records += stats.published;
-    m1.bytes += stats.published * sizeof(link::PublishedState);
-    return;
-  }
   NodeReport& node = frame.nodes[session.in_report];
   node.busy_ms = telemetry::to_ms(stats.busy_ns);
   node.cpu_ms = telemetry::to_ms(stats.cpu_ns);

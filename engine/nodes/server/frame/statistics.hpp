@@ -53,12 +53,15 @@ class Statistics {
   void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   /// Adds what a node reports when it has tested its pairs.
   void add(const PeerSession& node, const messages::NarrowDoneRecord& done) noexcept;
-  /// Adds what a CD node or a user node reports at its end of the frame.
+  /// Adds what a CD node reports at its end of the frame.
   void add(const PeerSession& session, const messages::NodeFrameStats& stats) noexcept;
+  /// Adds what the thread of user nodes reports at its end of the frame.
+  void add_users(const messages::NodeFrameStats& stats) noexcept;
   /// Adds a node's statistics of pairs of kinds of shapes.
   void add_kinds(const messages::MessageView& message);
 
  private:
+  void add_refusals(const messages::NodeFrameStats& stats) noexcept;
   void charge_woken(double step_ms, PeerSession::Reached PeerSession::*reached) noexcept;
   void charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept;
 

@@ -67,22 +67,37 @@ bool Deadlines::check_gates(std::uint64_t now) {
   return true;
 }
 
+// With threads only a move may be late: what a user node does after it calls no motion model, so a silent thread has
+// not run, and that is the fault of none of its user nodes. The World needs the thread before the next frame anyway.
 bool Deadlines::check_users(std::uint64_t now) {
   if (state_.stage == FrameStage::starting_nodes) {
     return false;  // the frame has not started for users
   }
-  if (!state_.contacts_are_final() && state_.setup.order->caller != nullptr) {
+  if (state_.setup.order->caller != nullptr) {
     return check_moves(now);
   }
+  const std::uint64_t since = state_.contacts_are_final() ? state_.notify_ns : state_.begin_ns;
+  if (now - since <= state_.setup.user_deadline_ns) {
+    return false;
+  }
   bool changed = false;
-  for (const UserNumber number : state_.connected) {
-    PeerSession& user = state_.users[number];
-    if (!user.lost && is_overdue(user, now)) {
-      count_late(user);
-      changed = true;
+  for (const UserConnection& peers : state_.user_connections) {
+    for (const UserNumber number : peers.users) {
+      PeerSession& user = state_.users[number];
+      if (!user.lost && is_awaited(peers, user)) {
+        count_late(user);
+        changed = true;
+      }
     }
   }
   return changed;
+}
+
+bool Deadlines::is_awaited(const UserConnection& peers, const PeerSession& user) const noexcept {
+  if (state_.contacts_are_final()) {
+    return !peers.frame_done;
+  }
+  return !state_.has_reported(user) || (state_.stage == FrameStage::colliding && !peers.published);
 }
 
 // If several user nodes of one thread have not reported, only the user node whose move does not end is late. The facade
@@ -103,7 +118,7 @@ bool Deadlines::check_moves(std::uint64_t now) {
     return true;
   }
   const auto is_missing = [&](UserNumber user) {
-    return !state_.users[user].lost && !state_.users[user].received.states;
+    return !state_.users[user].lost && !state_.has_reported(state_.users[user]);
   };
   if (now - moves_watched_ns_ > state_.setup.user_deadline_ns / 2 &&
       std::any_of(state_.connected.begin(), state_.connected.end(), is_missing)) {
@@ -114,15 +129,8 @@ bool Deadlines::check_moves(std::uint64_t now) {
   return false;
 }
 
-bool Deadlines::is_overdue(const PeerSession& user, std::uint64_t now) const noexcept {
-  const bool awaited = state_.contacts_are_final() ? !user.received.frame_done : !user.received.states;
-  const std::uint64_t since = state_.contacts_are_final() ? state_.notify_ns : state_.begin_ns;
-  return awaited && now - since > state_.setup.user_deadline_ns;
-}
-
 void Deadlines::count_late(PeerSession& user) {
-  user.lost = true;
-  state_.stop_awaiting(user);
+  state_.lose_user(user);
   state_.report().late.emplace_back(user.self.number());
   state_.refuse(Status::late);
 }

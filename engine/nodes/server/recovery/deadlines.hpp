@@ -9,8 +9,7 @@
 namespace ringfence::nodes {
 
 /// Deadlines of CD nodes and user nodes (ServerSetup). A node that is silent is probed, then lost. A user node that has
-/// not reported its moves or acknowledged its contacts in time is late. A thread of a lost node that has stopped inside
-/// a read gate costs all nodes.
+/// not reported its moves in time is late. A thread of a lost node that has stopped inside a read gate costs all nodes.
 ///
 /// Threads: belongs to the server role.
 class Deadlines {
@@ -37,7 +36,7 @@ class Deadlines {
   bool check_gates(std::uint64_t now);
   bool check_users(std::uint64_t now);
   bool check_moves(std::uint64_t now);
-  bool is_overdue(const PeerSession& user, std::uint64_t now) const noexcept;
+  bool is_awaited(const UserConnection& peers, const PeerSession& user) const noexcept;
   void count_late(PeerSession& user);
 
   ServerState& state_;

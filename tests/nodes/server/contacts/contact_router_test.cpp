@@ -36,6 +36,7 @@ struct Router {
     router.assign_next_hosts();
     router.start_nodes();
     CHECK(state().all_nodes([&](PeerSession& node) { return router.notify(node); }));
+    for (UserConnection& peers : state().user_connections) peers.end_run.start(0);
     router.start_users();
     CHECK(router.notify_users());
     REQUIRE(state().ledger.complete());
@@ -77,10 +78,31 @@ TEST_CASE("a contact goes from the server to the user node that hosts one of its
   const auto to_user = test.notified(Endpoint::user(0));
   REQUIRE(to_user.size() == 1);
   CHECK(to_user[0].a == test.objects().row(avatar).object.number);
-  CHECK(test.notified(Endpoint::user(1)).empty());
+  const auto to_other = test.fixture.sent_to(Endpoint::user(1));
+  REQUIRE(to_other.size() == 1);  // without contacts, only the end
+  CHECK(to_other[0].header.destination == Endpoint::all_users().value);
+  CHECK(to_other[0].header.count == 0);
   CHECK(test.state().report().contacts == 2);
-  CHECK(test.state().awaited_users == 2);
+  CHECK(!test.state().users_are_done());
   CHECK(!test.router.notify_users());  // once
+}
+
+TEST_CASE("a user thread without room does not delay the contacts of the user nodes of other threads") {
+  Router test({.nodes = 1});
+  for (const UserNumber user : {0u, 1u}) test.fixture.connect(user);
+  const std::uint32_t first = test.fixture.add({1, 1, 1}, Endpoint::user(0), Category::avatar, 0);
+  const std::uint32_t second = test.fixture.add({1.5, 1, 1}, Endpoint::user(1), Category::avatar, 1);
+  test.find(0, first, second);
+  test.fixture.fill(Endpoint::user(0));
+  test.route();
+  CHECK(test.notified(Endpoint::user(1)).size() == 1);
+  CHECK(test.state().user_connections[1].end_run.done());
+  CHECK(!test.state().user_connections[0].end_run.done());
+  test.fixture.sent_to(Endpoint::user(0));  // makes room
+  CHECK(test.router.notify_users());
+  CHECK(test.notified(Endpoint::user(0)).size() == 1);
+  CHECK(test.state().user_connections[0].end_run.done());
+  CHECK(test.fixture.sent_to(Endpoint::user(1)).empty());
 }
 
 TEST_CASE("only user nodes receive ended contacts, in order with the others") {
@@ -93,7 +115,6 @@ TEST_CASE("only user nodes receive ended contacts, in order with the others") {
   test.route();
   REQUIRE(test.notified(Endpoint::user(0)).size() == 1);
   test.notified(Endpoint::node(0));
-  test.state().users[0].closing.notices.clear();
   test.state().frame = 2;
   test.state().ledger.begin(2);
   test.find(0, avatar, comes);

@@ -67,6 +67,29 @@ TEST_CASE("a new object is adopted by the node that owns its position, before th
   CHECK(test.open(Endpoint::node(1)) == Types{MessageType::frame_begin});
 }
 
+TEST_CASE("a user thread without room does not delay the frame of the user nodes of other threads") {
+  Cuts test;
+  for (const UserNumber user : {0u, 1u}) {
+    test.fixture.connect(user);
+    Request& avatar = test.request(Request::Kind::spawn, 7 + user);
+    avatar.spec.category = Category::avatar;
+    avatar.spec.user = UserId(user);
+  }
+  test.cut();
+  test.fixture.fill(Endpoint::user(0));
+  const auto types_to = [&](UserNumber user) {
+    Types types;
+    for (const SentMessage& message : test.fixture.sent_to(Endpoint::user(user))) types.push_back(message.type());
+    return types;
+  };
+  CHECK(!test.cuts.open_users());
+  CHECK(types_to(1) == Types{MessageType::adopt, MessageType::frame_begin});
+  types_to(0);  // makes room
+  CHECK(test.cuts.open_users());
+  CHECK(types_to(0) == Types{MessageType::adopt, MessageType::frame_begin});
+  CHECK(types_to(1).empty());
+}
+
 TEST_CASE("requests apply in the order of the calls, and those for objects that are gone do nothing") {
   Cuts test;
   test.request(Request::Kind::spawn, 7).spec.pose.position = {1, 1, 1};
@@ -162,10 +185,10 @@ TEST_CASE("a map that precedes the frame comes first, and refused records of the
   Cuts test;
   test.fixture.connect(0);
   test.state().users[0].received.refusals.push_back({7, static_cast<std::uint32_t>(Status::not_host)});
-  test.state().users[0].received.states = true;
+  test.state().refused_users.push_back(0);
   test.state().map_change.precedes_frame = true;
   test.cut();
-  CHECK(!test.state().users[0].received.states);
+  CHECK(test.state().refused_users.empty());
   CHECK(test.open(Endpoint::node(0)) == Types{MessageType::region_map, MessageType::frame_begin});
   CHECK(test.open(Endpoint::user(0)) == Types{MessageType::refused, MessageType::frame_begin});
   test.state().map_change.precedes_frame = false;

@@ -15,7 +15,7 @@ struct Receiver {
   ObjectTable& objects() { return fixture.state().objects; }
   void await(UserNumber user) {
     fixture.connect(user);
-    state().await(state().users[user]);
+    state().await_users();
   }
   messages::StateRecord record(std::uint32_t slot, const Vec3d& position) {
     messages::StateRecord record;
@@ -70,7 +70,7 @@ TEST_CASE("after a user's last states its poses are final, and nothing is read u
   test.ingest.receive();
   test.fixture.send(Endpoint::user(0), MessageType::state_update, test.record(own, {6, 1, 1}));
   CHECK(!test.ingest.receive());
-  test.state().await(test.state().users[0]);
+  test.state().awaited_users = 1;  // another user
   CHECK(test.ingest.receive());
   CHECK(test.refused(Status::bad_message) == 1);
   CHECK(test.objects().row(own).pose.position.x == 5);
@@ -206,6 +206,35 @@ TEST_CASE("the end of a frame is accepted once, after the contacts were sent") {
   CHECK(test.state().report().nodes[0].hosted == 4);
   CHECK(test.states.moved() == 3);
   CHECK(test.refused(Status::bad_message) == 1);
+}
+
+TEST_CASE("a thread reports once for all its users, and not before it may") {
+  Receiver test;
+  test.await(0);
+  UserConnection& peers = test.state().user_connections[0];
+  peers.published = false;
+  messages::NodeFrameStats stats;
+  stats.published = 3;
+  test.fixture.send_for_all(0, stats);                           // too early
+  test.fixture.send(Endpoint::user(0), MessageType::published);  // not for all
+  test.fixture.send(Endpoint::user(0), MessageType::frame_done, stats);
+  test.ingest.receive();
+  CHECK(test.refused(Status::bad_message) == 3);
+  CHECK(!peers.published);
+  test.fixture.send_for_all(0, MessageType::published);
+  test.ingest.receive();
+  CHECK(peers.published);
+  test.state().stage = FrameStage::notifying_users;
+  peers.end_run.start(0);
+  test.fixture.send_for_all(0, stats);  // its contacts have not been sent
+  test.ingest.receive();
+  CHECK(!peers.frame_done);
+  peers.end_run.stop();
+  test.fixture.send_for_all(0, stats);
+  test.ingest.receive();
+  CHECK(peers.frame_done);
+  CHECK(test.refused(Status::bad_message) == 4);
+  CHECK(test.state().report().traffic[static_cast<std::size_t>(Traffic::m1)].records == 3);
 }
 
 TEST_CASE("messages of a lost node are refused as late") {

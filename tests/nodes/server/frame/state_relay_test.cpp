@@ -22,9 +22,13 @@ std::vector<ObjectNumber> published(const Published& published, std::uint64_t fr
 
 /// The node publishes one object, as it does before it sends `published`.
 void publish(ServerFixture& fixture, NodeNumber node, ObjectNumber number) {
-  PublicationWriter writer(fixture.publications(), fixture.publication(node).published, fixture.state().frame);
-  writer.add(number, fixture.state().objects.row(fixture.state().objects.find(number)).pose);
-  writer.publish();
+  const std::uint64_t frame = fixture.state().frame;
+  const Pose pose = fixture.state().objects.row(fixture.state().objects.find(number)).pose;
+  link::Publication& publication = fixture.publication(node).publication;
+  publication.begin(frame);
+  publication.add(fixture.publications().cell_of(pose.position), {number, 0, pose});
+  publication.publish();
+  note_cell_range(fixture.publication(node).published, frame);
   fixture.state().nodes[node].received.published = true;
 }
 
@@ -46,6 +50,22 @@ TEST_CASE("the server publishes the active and non-active objects of nodes in ot
   REQUIRE(sent.size() == 1);
   CHECK(sent[0].type() == MessageType::read_publications);
   CHECK(!relay.is_ready());  // once a frame
+}
+
+TEST_CASE(
+    "users also wait for the publications of all user threads, and a thread whose users are lost publishes none") {
+  ServerFixture fixture({.interest = 8});
+  for (const UserNumber user : {0u, 1u}) {
+    fixture.connect(user);
+    fixture.state().user_connections[user].published = false;
+  }
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  relay.publish(false);
+  fixture.state().user_connections[0].published = true;
+  CHECK(!relay.is_ready());
+  fixture.state().lose_user(fixture.state().users[1]);
+  CHECK(relay.is_ready());
 }
 
 TEST_CASE("users read when all nodes that publish have published, and the server publishes nothing then") {

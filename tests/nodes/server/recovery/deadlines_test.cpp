@@ -62,23 +62,31 @@ TEST_CASE("without deadlines no role is lost or late") {
   CHECK(test.state().report().late.empty());
 }
 
-TEST_CASE("a user node is late if it does not report its moves, or acknowledge its contacts, in time") {
+TEST_CASE("without threads a user node is late if it does not report its moves, publish or acknowledge in time") {
   Clock test({.user_deadline_ns = deadline});
   for (const UserNumber user : {0u, 1u, 2u}) test.fixture.connect(user);
   test.state().stage = FrameStage::starting_nodes;
   CHECK(!test.deadlines.check(start + 2 * deadline));  // the frame has not started for users
   test.state().stage = FrameStage::moving;
-  test.state().users[1].received.states = test.state().users[2].received.states = true;
+  test.state().await_users();
+  for (const UserNumber user : {1u, 2u}) test.state().received_from(test.state().users[user]).states = true;
   CHECK(!test.deadlines.check(start + deadline));
   CHECK(test.deadlines.check(start + deadline + 1));
   CHECK(test.state().report().late == std::vector<UserId>{UserId(0)});
+  test.state().user_connections[1].published = false;
+  CHECK(!test.deadlines.check(start + deadline + 1));
+  test.state().stage = FrameStage::colliding;
+  CHECK(test.deadlines.check(start + deadline + 1));
+  CHECK(test.state().report().late == std::vector<UserId>{UserId(0), UserId(1)});
   test.state().stage = FrameStage::notifying_users;
   test.state().notify_ns = start + 5 * deadline;
-  test.state().users[1].received.frame_done = true;
+  test.state().user_connections[2].frame_done = true;
+  CHECK(!test.deadlines.check(start + 6 * deadline + 1));
+  test.state().user_connections[2].frame_done = false;
   CHECK(!test.deadlines.check(start + 6 * deadline));
   CHECK(test.deadlines.check(start + 6 * deadline + 1));
-  CHECK(test.state().report().late == std::vector<UserId>{UserId(0), UserId(2)});
-  CHECK(test.state().report().refused[static_cast<std::size_t>(Status::late)] == 2);
+  CHECK(test.state().report().late == std::vector<UserId>{UserId(0), UserId(1), UserId(2)});
+  CHECK(test.state().report().refused[static_cast<std::size_t>(Status::late)] == 3);
 }
 
 TEST_CASE("with threads, the facade is asked once per half deadline who is late, and only those are") {
@@ -99,6 +107,24 @@ TEST_CASE("with threads, the facade is asked once per half deadline who is late,
   CHECK(test.deadlines.check(start + deadline));
   CHECK(!test.fixture.order().users_moved);
   CHECK(test.state().report().late == std::vector<UserId>{UserId(1)});
+}
+
+TEST_CASE("with threads, no user node is late because its thread publishes or acknowledges late") {
+  Clock test({.user_deadline_ns = deadline});
+  link::Doorbell caller;
+  test.fixture.order().caller = &caller;
+  for (const UserNumber user : {0u, 1u}) test.fixture.connect(user);
+  test.state().await_users();
+  for (const UserNumber user : {0u, 1u}) test.state().received_from(test.state().users[user]).states = true;
+  for (UserConnection& peers : test.state().user_connections) peers.published = false;
+  test.state().notify_ns = start;
+  for (const FrameStage stage : {FrameStage::colliding, FrameStage::notifying, FrameStage::notifying_users}) {
+    CAPTURE(static_cast<int>(stage));
+    test.state().stage = stage;
+    CHECK(!test.deadlines.check(start + 100 * deadline));
+    CHECK(!test.fixture.order().users_overdue);
+  }
+  CHECK(test.state().report().late.empty());
 }
 
 TEST_CASE("if a thread of a lost node stays inside a read gate, all nodes are lost after a deadline") {
