@@ -87,7 +87,7 @@ class Recorder {
   }
 
  private:
-  static constexpr std::uint32_t ahead = 24;
+  static constexpr std::uint32_t ahead = 32;
 
   /// All slots but those of objects in the memory of a host, whose rows are written only once.
   std::size_t record_table() {
@@ -119,22 +119,20 @@ class Recorder {
       frame_.source(slot) = from_host(node);
       base::prefetch_for_read(&known.bodies()[i]);
       prefetch_row(slot);
-      to_read_[reading_++] = {&known, i};
-      if (reading_ == to_read_.size()) read_hosts();
+      to_read_[prefetched_++ % ahead] = {&known, i};
+      if (prefetched_ - read_ == ahead) read_next();
     });
-    read_hosts();
+    while (read_ != prefetched_) read_next();
     return found;
   }
 
-  /// Records what has been prefetched.
-  void read_hosts() {
-    for (const auto& [known, i] : std::span(to_read_).first(reading_)) {
-      const std::uint32_t slot = known->slot(i);
-      set_row(*known, i, slot, frame_.row(slot));
-      frame_.set_user_data(slot, known->bodies()[i].user_data);
-      if (with_bounds_) set_bounds(slot, known->bounds()[i]);
-    }
-    reading_ = 0;
+  /// Records the object that was prefetched first.
+  void read_next() {
+    const auto& [known, i] = to_read_[read_++ % ahead];
+    const std::uint32_t slot = known->slot(i);
+    set_row(*known, i, slot, frame_.row(slot));
+    frame_.set_user_data(slot, known->bodies()[i].user_data);
+    if (with_bounds_) set_bounds(slot, known->bounds()[i]);
   }
 
   /// Some hosts have only just received objects.
@@ -212,8 +210,8 @@ class Recorder {
     const RegionObjects* known;
     std::uint32_t i;
   };
-  std::array<InHost, 32> to_read_;  ///< objects that have been prefetched
-  std::size_t reading_ = 0;         ///< number of them
+  std::array<InHost, ahead> to_read_;      ///< objects that are prefetched, in turn
+  std::size_t prefetched_ = 0, read_ = 0;  ///< number of objects
 };
 
 }  // namespace
