@@ -16,7 +16,7 @@ std::uint64_t RecordedFrame::begin(std::size_t slots, std::uint64_t number) {
   view_ = shapes_->view();
   has_shape_.resize(shapes_->size());
   for (ShapeNumber shape = 0; shape < has_shape_.size(); ++shape) has_shape_[shape] = shapes_->has(shape);
-  if (kept == none || kept > number || number - kept > base::stamps_last || slots < rows_.size()) {
+  if (kept == none || kept > number || number - kept > base::max_stamp_age || slots < rows_.size()) {
     kept = none;
     sources_.clear();
     changed_.clear();

@@ -145,7 +145,7 @@ class Recorder {
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
       if (table_.present()[slot] == 0 || frame_.source(slot) != from_nothing) continue;
       FrameObject& row = frame_.row(slot);
-      frame_.source(slot) = from_both;  // is not kept
+      frame_.source(slot) = from_both;  // which is_kept() is never asked for
       set_row(table_, slot, row);
       row.pose = server_.pose(slot);
       row.jumped = 0;

@@ -70,8 +70,8 @@ struct ServerSetup {
   bool balance = true;  ///< regions follow the load
   BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
-  /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
   bool nodes_may_be_lost = true;  ///< as CdNodeSetup::may_be_lost
+  /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
   std::uint64_t node_deadline_ns = 0;
   /// Time a user node has to report its moves; 0: no deadline. If there is a FrameOrder::caller, the facade finds out
   /// whose move takes too long. Otherwise each user node that has not reported in time is late, and so are all user

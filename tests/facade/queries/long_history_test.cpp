@@ -135,5 +135,40 @@ TEST_CASE("threads that ask first about the same blocks of frames find the same"
   }
 }
 
+TEST_CASE("queries about a frame see the shapes that it had, also after these were removed and others were added") {
+  WorldConfig config;
+  config.history = 20;
+  World world(config);
+  const ShapeId gone =
+      world.add_shape(ConvexHull{{{2, 0, 0}, {-2, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 2}, {0, 0, -2}}});
+  const ObjectId object = world.spawn({.shape = gone, .category = Category::fixed, .pose = {{10, 0, 0}, {}}}).id;
+  for (int i = 0; i < 5; ++i) REQUIRE(world.advance() == Status::ok);
+  RayQuery ray{{0, 0, 0}, {20, 0, 0}};
+  SweepQuery sweep{gone, {}, {20, 0, 0}};
+  const auto ask = [&] {
+    const Snapshot snapshot = world.snapshot();
+    std::vector<Hit> hits(2);
+    snapshot.cast({&ray, 1}, {&hits[0], 1});
+    snapshot.sweep({&sweep, 1}, {&hits[1], 1});
+    return hits;
+  };
+  const std::vector<Hit> then = ask();
+  REQUIRE((then[0].object == object && then[1].object == object));
+  ray.frame = sweep.frame = 4;
+  CHECK(ask() == then);
+  REQUIRE(world.destroy(object) == Status::ok);
+  REQUIRE(world.advance() == Status::ok);
+  REQUIRE(world.remove_shape(gone) == Status::ok);
+  for (int frame = 6; frame < 20; ++frame) {
+    CAPTURE(frame);
+    (void)world.add_shape(Sphere{0.1f * static_cast<float>(frame)});
+    REQUIRE(world.advance() == Status::ok);
+    CHECK(ask() == then);
+  }
+  ray.frame = sweep.frame = 19;
+  CHECK(!ask()[0]);
+  CHECK(ask()[1].status == Status::unknown_shape);
+}
+
 }  // namespace
 }  // namespace ringfence::test

@@ -25,7 +25,7 @@ void QueryAnswerer::begin() {
 }
 
 void QueryAnswerer::resize(std::size_t objects) {
-  is_kept_ = kept_frame_ != none && state_.frame - kept_frame_ <= base::stamps_last;
+  is_kept_ = kept_frame_ != none && state_.frame - kept_frame_ <= base::max_stamp_age;
   if (!is_kept_) is_owned_.clear();
   rows_.resize(objects);
   bounds_.resize(state_.objects.bounds().size());

@@ -41,6 +41,7 @@ class QueryAnswerer {
 
  private:
   static constexpr std::size_t queries_at_once = 1024;
+  static constexpr std::uint64_t none = ~std::uint64_t{0};
 
   void resize(std::size_t objects);
   void list_owned();
@@ -54,9 +55,8 @@ class QueryAnswerer {
   base::FlatList<queries::RowBounds> bounds_;  ///< the same; empty if the node has no bounds
   std::vector<std::uint8_t> is_owned_;         ///< the same: whether the row has an object
   std::vector<std::uint8_t> changed_;          ///< the same: whether the row was set for this index
-  static constexpr std::uint64_t none = ~std::uint64_t{0};
-  std::uint64_t kept_frame_ = none;  ///< the frame of rows and index
-  bool is_kept_ = false;             ///< what has not changed since then is left as it is
+  std::uint64_t kept_frame_ = none;            ///< the frame of rows and index, or none
+  bool is_kept_ = false;                       ///< what has not changed since then is left as it is
   std::optional<queries::BoxConverter> box_of_;
   std::size_t owned_ = 0;                 ///< rows with an object
   std::vector<std::uint32_t> at_border_;  ///< known objects that may belong to another node
