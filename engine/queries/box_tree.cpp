@@ -47,7 +47,7 @@ std::vector<std::uint32_t>& wanted_groups() noexcept {
 
 }  // namespace
 
-bool BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
+void BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   levels_.clear();
   size_ = 0;
   std::size_t groups = 0;
@@ -65,31 +65,17 @@ bool BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   std::vector<std::uint32_t>& all = wanted_groups();
   all.resize(groups_of(leaves.size));
   std::iota(all.begin(), all.end(), 0u);
-  return fill(leaves, box_of, all);
-}
-
-bool BoxTree::update(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
-                     std::span<const std::uint8_t> changed) {
-  std::vector<std::uint32_t>& wanted = wanted_groups();
-  wanted.clear();
-  for (std::size_t first = 0; first < order.size(); first += tree_width) {
-    std::uint8_t any = 0;
-    for (std::size_t i = first; i < std::min(first + tree_width, order.size()); ++i) any |= changed[order[i]];
-    if (any != 0) wanted.push_back(static_cast<std::uint32_t>(first / tree_width));
-  }
-  return fill(RowOrder{rows, order.data(), order.size()}, box_of, wanted);
+  fill(leaves, box_of, all);
 }
 
 /// Sets the boxes of some groups of leaves, and what is above them.
-bool BoxTree::fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted) {
+void BoxTree::fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted) {
   origin_ = box_of.origin();
   cost_ = 0;
-  size_ = 0;
-  if (!choose_tree_kernels().fill_leaves(leaves, box_of, wanted, groups_.data())) return false;
   size_ = leaves.size;
+  choose_tree_kernels().fill_leaves(leaves, box_of, wanted, groups_.data());
   for (std::size_t level = 1; level < levels_.size(); ++level) fill_level(level, wanted);
   if (levels_.size() > 1) cost_ = surface_of(1) / static_cast<double>(size_);
-  return true;
 }
 
 double BoxTree::surface_of(std::size_t level) const noexcept {

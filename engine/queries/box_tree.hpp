@@ -44,20 +44,21 @@ struct Reach {
 /// pages.
 class BoxTree {
  public:
-  /// Replaces the contents by the boxes of the rows `order[i]`. False, and the tree is empty, if one of them has no
-  /// object.
-  bool build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of) {
-    return build(RowOrder{rows, order.data(), order.size()}, box_of);
+  /// Replaces the contents by the boxes of the rows `order[i]`.
+  void build(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of) {
+    build(RowOrder{rows, order.data(), order.size()}, box_of);
   }
   /// The same with the boxes of all rows, in their order.
-  bool build(std::span<const RowBounds> rows, const BoxConverter& box_of) {
-    return build(RowOrder{rows, nullptr, rows.size()}, box_of);
+  void build(std::span<const RowBounds> rows, const BoxConverter& box_of) {
+    build(RowOrder{rows, nullptr, rows.size()}, box_of);
   }
 
-  /// After a build in the same order: sets the boxes of the rows with a `changed` byte, and all groups above them.
-  /// Returns as build().
-  bool update(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
-              std::span<const std::uint8_t> changed);
+  /// After a build of as many boxes with the same converter: sets the boxes of some groups of level 0, whose numbers
+  /// ascend, and what is above them. The other boxes are as they were.
+  void update(std::span<const RowBounds> rows, std::span<const std::uint32_t> order, const BoxConverter& box_of,
+              std::span<const std::uint32_t> groups) {
+    fill(RowOrder{rows, order.data(), order.size()}, box_of, groups);
+  }
 
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
@@ -77,8 +78,8 @@ class BoxTree {
   std::size_t level_size(std::size_t level) const noexcept {
     return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
-  bool build(const RowOrder& leaves, const BoxConverter& box_of);
-  bool fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted);
+  void build(const RowOrder& leaves, const BoxConverter& box_of);
+  void fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted);
   void fill_level(std::size_t level, std::span<const std::uint32_t> wanted);
   double surface_of(std::size_t level) const noexcept;
 

@@ -21,12 +21,48 @@ namespace ringfence::queries::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// The bounds of eight siblings as columns.
+// Bounds and margins of eight siblings as columns.
 struct BoundsGroup {
   alignas(32) std::uint32_t lower[3][tree_width];
   alignas(32) std::uint32_t upper[3][tree_width];
-  alignas(32) float margin[tree_width];
+  alignas(32) std::uint32_t margin[tree_width];  // bits of floats
+  alignas(32) std::uint32_t unused[tree_width];
 };
+
+// Writes the n-th words of four rows, of four words each, to column n.
+HWY_INLINE void transpose(const std::uint32_t* const (&from)[4], std::uint32_t* HWY_RESTRICT columns) {
+#if HWY_TARGET == HWY_SCALAR
+  for (std::size_t n = 0; n < 4; ++n) {
+    for (std::size_t i = 0; i < 4; ++i) columns[n * tree_width + i] = from[i][n];
+  }
+#else
+  const hn::Full128<std::uint32_t> d;
+  const hn::Vec<decltype(d)> rows[4] = {hn::Load(d, from[0]), hn::Load(d, from[1]), hn::Load(d, from[2]),
+                                        hn::Load(d, from[3])};
+  const auto low02 = hn::InterleaveLower(d, rows[0], rows[2]), low13 = hn::InterleaveLower(d, rows[1], rows[3]);
+  const auto high02 = hn::InterleaveUpper(d, rows[0], rows[2]), high13 = hn::InterleaveUpper(d, rows[1], rows[3]);
+  hn::Store(hn::InterleaveLower(d, low02, low13), d, columns);
+  hn::Store(hn::InterleaveUpper(d, low02, low13), d, columns + tree_width);
+  hn::Store(hn::InterleaveLower(d, high02, high13), d, columns + 2 * tree_width);
+  hn::Store(hn::InterleaveUpper(d, high02, high13), d, columns + 3 * tree_width);
+#endif
+}
+
+// Loads the rows of a group; behind the last row, it again.
+HWY_INLINE void load_group(const RowOrder& leaves, std::size_t first, BoundsGroup& out) {
+  static_assert(sizeof(BoundsGroup) == 8 * tree_width * sizeof(std::uint32_t));
+  const std::size_t last = leaves.size - 1;
+  std::uint32_t* const columns = &out.lower[0][0];
+  for (std::size_t i = 0; i < tree_width; i += 4) {
+    const std::uint32_t *left[4], *right[4];
+    for (std::size_t j = 0; j < 4; ++j) {
+      left[j] = reinterpret_cast<const std::uint32_t*>(&leaves[std::min(first + i + j, last)]);
+      right[j] = left[j] + 4;
+    }
+    transpose(left, columns + i);
+    transpose(right, columns + 4 * tree_width + i);
+  }
+}
 
 // Converts one side of eight boxes along one axis; `sign`: -1 for lower sides, 1 for upper ones.
 HWY_INLINE void convert(const std::uint32_t* HWY_RESTRICT steps, const float* HWY_RESTRICT margins,
@@ -50,57 +86,56 @@ HWY_INLINE void convert(const std::uint32_t* HWY_RESTRICT steps, const float* HW
   }
 }
 
-inline bool is_within(const BoundsGroup& group, std::uint32_t first, std::uint32_t last) {
-  std::uint32_t least = last, most = first;
+HWY_INLINE bool is_within(const BoundsGroup& group, std::uint32_t first, std::uint32_t last) {
+  const hn::CappedTag<std::uint32_t, 4> d;
+  const auto begin = hn::Set(d, first), end = hn::Set(d, last);
+  auto least = end, most = begin;
   for (std::size_t a = 0; a < 3; ++a) {
-    for (std::size_t i = 0; i < tree_width; ++i) {
-      least = std::min(least, group.lower[a][i]);
-      most = std::max(most, group.upper[a][i]);
+    for (std::size_t i = 0; i < tree_width; i += hn::Lanes(d)) {
+      least = hn::Min(least, hn::Load(d, group.lower[a] + i));
+      most = hn::Max(most, hn::Load(d, group.upper[a] + i));
     }
   }
-  return least >= first && most <= last;
+  return hn::AllTrue(d, hn::And(hn::Eq(hn::Min(least, begin), begin), hn::Eq(hn::Max(most, end), end)));
 }
 
-// Sets the boxes of a group; false if one of its rows has no object.
-HWY_INLINE bool fill_group(const RowOrder& leaves, std::size_t first, const BoxConverter& box_of, BoxGroup& group) {
-  BoundsGroup loaded;
+// Sets the boxes of a group of leaves, of which `loaded` has the bounds.
+HWY_INLINE void fill_group(const RowOrder& leaves, std::size_t first, const BoxConverter& box_of,
+                           const BoundsGroup& loaded, BoxGroup& group) {
   const std::size_t count = std::min(tree_width, leaves.size - first);
-  float least_margin = 0;
-  for (std::size_t i = 0; i < tree_width; ++i) {
-    const RowBounds& row = leaves[first + std::min(i, count - 1)];
-    for (std::size_t a = 0; a < 3; ++a) {
-      loaded.lower[a][i] = row.bounds.lower[a];
-      loaded.upper[a][i] = row.bounds.upper[a];
-    }
-    loaded.margin[i] = row.margin;
-    least_margin = std::min(least_margin, row.margin);
-  }
-  if (least_margin < 0) return false;
   if (count == tree_width && is_within(loaded, box_of.first(), box_of.last())) {
+    const auto* const margins = reinterpret_cast<const float*>(loaded.margin);
     for (std::size_t a = 0; a < 3; ++a) {
-      convert(loaded.lower[a], loaded.margin, box_of, a, -1, group.lower[a]);
-      convert(loaded.upper[a], loaded.margin, box_of, a, 1, group.upper[a]);
+      convert(loaded.lower[a], margins, box_of, a, -1, group.lower[a]);
+      convert(loaded.upper[a], margins, box_of, a, 1, group.upper[a]);
     }
-    return true;
+    return;
   }
   for (std::size_t i = 0; i < count; ++i) {
     const TreeBox box = box_of(leaves[first + i]);
     for (std::size_t a = 0; a < 3; ++a) group.lower[a][i] = box.lower[a], group.upper[a][i] = box.upper[a];
   }
-  return true;
 }
 
-inline bool fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
+inline void fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
                         BoxGroup* groups) {
-  constexpr std::size_t ahead = 4;
-  for (std::size_t k = 0; k < wanted.size(); ++k) {
-    const std::size_t soon = wanted[std::min(k + ahead, wanted.size() - 1)] * tree_width;
-    for (std::size_t i = 0; i < tree_width; ++i) {
-      base::prefetch_for_read(&leaves[std::min(soon + i, leaves.size - 1)]);
+  // Columns are read some groups after they are written, because wide loads of what narrow stores have just written
+  // wait for these.
+  constexpr std::size_t ahead = 4, batch = 4;
+  BoundsGroup loaded[batch];
+  for (std::size_t k = 0; k < wanted.size(); k += batch) {
+    const std::size_t count = std::min(batch, wanted.size() - k);
+    for (std::size_t j = 0; j < count; ++j) {
+      const std::size_t soon = wanted[std::min(k + j + ahead, wanted.size() - 1)] * tree_width;
+      for (std::size_t i = 0; i < tree_width; ++i) {
+        base::prefetch_for_read(&leaves[std::min(soon + i, leaves.size - 1)]);
+      }
+      load_group(leaves, wanted[k + j] * tree_width, loaded[j]);
     }
-    if (!fill_group(leaves, wanted[k] * tree_width, box_of, groups[wanted[k]])) return false;
+    for (std::size_t j = 0; j < count; ++j) {
+      fill_group(leaves, wanted[k + j] * tree_width, box_of, loaded[j], groups[wanted[k + j]]);
+    }
   }
-  return true;
 }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE

@@ -3,10 +3,12 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/frame_stamp.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/box_tree.hpp"
@@ -14,6 +16,16 @@
 #include "queries/tree_order.hpp"
 
 namespace ringfence::queries {
+
+/// Bounds of objects that are known before an index is built, by row; empty: none is known.
+struct KnownBounds {
+  std::span<const RowBounds> rows{};
+  const BoxConverter* box_of = nullptr;  ///< converts them
+  /// By row: the last frame in which the object has changed.
+  std::span<const base::FrameStamp> changed{};
+  /// The frame that the same FramePart was built for before, with the same box_of, if it was.
+  std::optional<base::FrameStamp> built{};
+};
 
 /// Objects of one frame with an index of their bounds; a Searcher answers queries about them.
 ///
@@ -24,16 +36,14 @@ namespace ringfence::queries {
 /// rows.
 class FramePart {
  public:
-  /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
-  /// which must stay as they are. Poses as in narrow_phase::Body. `hint`: share_order() of a part with about the same
-  /// objects in the same rows, or null; answers do not depend on it.
-  void build(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
-             const KnownBounds& known = {}, std::shared_ptr<const TreeOrder> hint = nullptr);
+  /// Replaces the contents. Refers to the rows, which must stay as they are. Poses as in narrow_phase::Body. `hint`:
+  /// share_order() of a part with about the same objects, or null; answers do not depend on it.
+  void build(const FrameRows& objects, const geometry::ShapeTable& shapes, const KnownBounds& known = {},
+             std::shared_ptr<const TreeOrder> hint = nullptr);
 
   /// The same in the order of the build before as long as that is good and was not shared: for a part that is built in
   /// each frame.
-  void build_again(std::span<const FrameObject> rows, std::size_t count, const geometry::ShapeTable& shapes,
-                   const KnownBounds& known);
+  void build_again(const FrameRows& objects, const geometry::ShapeTable& shapes, const KnownBounds& known);
 
   /// The order of the tree, as a hint for other parts; null if the objects should be sorted. From the thread that
   /// builds.
@@ -43,22 +53,33 @@ class FramePart {
   /// The objects' bounds, widened by what exact tests allow. The positions of its order are those of object().
   const BoxTree& tree() const noexcept { return tree_; }
   /// An object, by its position in the order of the tree.
-  const FrameObject& object(std::uint32_t box) const noexcept { return rows_[order_->rows[box]]; }
+  const FrameObject& object(std::uint32_t box) const noexcept { return objects_.rows[row_of_box_[box]]; }
+  /// The row of such an object.
+  std::size_t row(const FrameObject& object) const noexcept {
+    return static_cast<std::size_t>(&object - objects_.rows.data());
+  }
+  std::uint32_t group(std::uint32_t box) const noexcept { return objects_.group(row_of_box_[box]); }
   /// Prefetches what object() reads of the index; then object() can be prefetched without waiting.
-  void prefetch_place(std::uint32_t box) const noexcept { base::prefetch_for_read(&order_->rows[box]); }
+  void prefetch_place(std::uint32_t box) const noexcept { base::prefetch_for_read(&row_of_box_[box]); }
 
  private:
-  bool build_in(const TreeOrder& order, std::size_t count, const KnownBounds& known);
-  void finish(bool adapted, const geometry::ShapeTable& shapes, const KnownBounds& known);
-  void sort();
+  bool build_in(const TreeOrder& order, const FrameRows& objects, const geometry::ShapeTable& shapes,
+                const KnownBounds& known);
+  bool find_rows(const TreeOrder& order, const FrameRows& objects);
+  bool find_changed_rows(const TreeOrder& order, const FrameRows& objects, const KnownBounds& known,
+                         std::vector<std::uint32_t>& groups);
+  void build_own(bool adapted, const FrameRows& objects, const geometry::ShapeTable& shapes, const KnownBounds& known);
+  void sort(const FrameRows& objects);
   bool is_good() const noexcept;
-  void find_bounds(const geometry::ShapeTable& shapes);
-  void find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out);
+  void set_bounds(const geometry::ShapeTable& shapes);
+  void find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space, RowBounds* out) const;
 
-  std::span<const FrameObject> rows_;
+  FrameRows objects_;
+  base::FlatList<std::uint32_t> row_of_box_;  ///< by position in the order
   std::shared_ptr<const TreeOrder> order_;
   std::shared_ptr<TreeOrder> own_, spare_;  ///< for sorting; their memory is used again unless it is shared
   bool is_shared_ = false;
+  bool is_built_ = false;  ///< the tree is that of order_ and row_of_box_
   BoxTree tree_;
 };
 

@@ -1,22 +1,21 @@
 #pragma once
 
-#include "queries/recorded_frame.hpp"
 #include "queries/searcher.hpp"
 #include "ringfence/query.hpp"
 
 namespace ringfence::queries {
 
-// What a Searcher found, as the caller of a query reads it. Both leave the hit as it is if nothing was found. `frame`:
-// the one that the object is of. Any thread may call them.
+// What a Searcher found, as the caller of a query reads it. Both leave the hit as it is if nothing was found. Any
+// thread may call them.
 
-inline void set_object(Hit& hit, const RecordedFrame& frame, const FrameObject& object) noexcept {
+inline void set_object(Hit& hit, const FrameObject& object) noexcept {
   hit.object = ObjectId::of(object.number, object.generation);
-  hit.user_data = frame.user_data(object.slot);
+  hit.user_data = object.user_data;
 }
 
-inline void set(Hit& hit, const RecordedFrame& frame, const ObjectHit& found) noexcept {
+inline void set(Hit& hit, const ObjectHit& found) noexcept {
   if (found.object == nullptr) return;
-  set_object(hit, frame, *found.object);
+  set_object(hit, *found.object);
   hit.fraction = found.hit.fraction;
   hit.normal = found.hit.normal;
   hit.point = found.hit.point;
@@ -24,9 +23,9 @@ inline void set(Hit& hit, const RecordedFrame& frame, const ObjectHit& found) no
   hit.triangle = found.hit.triangle;
 }
 
-inline void set(Hit& hit, const RecordedFrame& frame, const ObjectPoint& found) noexcept {
+inline void set(Hit& hit, const ObjectPoint& found) noexcept {
   if (found.object == nullptr) return;
-  set_object(hit, frame, *found.object);
+  set_object(hit, *found.object);
   hit.distance = found.nearest.distance;
   hit.point = found.nearest.point;
   hit.child = found.nearest.child;

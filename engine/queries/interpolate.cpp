@@ -1,8 +1,9 @@
+#include "queries/interpolate.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include "geometry/vector.hpp"
-#include "queries/frame_object.hpp"
 
 namespace ringfence::queries {
 

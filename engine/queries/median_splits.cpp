@@ -43,14 +43,14 @@ MedianSplits::Range MedianSplits::range_of(std::span<const Point> points) {
   return {lower, upper};
 }
 
-void MedianSplits::sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows) {
+void MedianSplits::sort(const FrameRows& objects, std::vector<std::uint32_t>& keys) {
   constexpr std::size_t ahead = 16;
   sort_by(
       [&](std::size_t i) {
-        base::prefetch_for_read(&objects[rows[std::min(i + ahead, rows.size() - 1)]]);
-        return objects[rows[i]].pose.position;
+        base::prefetch_for_read(&objects.rows[objects.row_of[keys[std::min(i + ahead, keys.size() - 1)]]]);
+        return objects.rows[objects.row_of[keys[i]]].pose.position;
       },
-      rows);
+      keys);
 }
 
 void MedianSplits::sort(std::span<const RowBounds> bounds, std::vector<std::uint32_t>& rows) {

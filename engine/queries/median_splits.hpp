@@ -18,13 +18,13 @@ namespace ringfence::queries {
 /// Threads: belongs to one. Memory: grows to the largest call. May throw std::bad_alloc.
 class MedianSplits {
  public:
-  /// Sorts `rows`, each of which has an object.
-  void sort(std::span<const FrameObject> objects, std::vector<std::uint32_t>& rows);
-  /// The same by the centres of bounds, in a space whose steps have the same size along each axis.
+  /// Sorts keys of objects.
+  void sort(const FrameRows& objects, std::vector<std::uint32_t>& keys);
+  /// Sorts numbers of rows by the centres of bounds, in a space whose steps have the same size along each axis.
   void sort(std::span<const RowBounds> bounds, std::vector<std::uint32_t>& rows);
 
  private:
-  /// A place from that of the first object and the bits of the row's number: four floats, which are one vector.
+  /// A place from that of the first object and the bits of the key: four floats, which are one vector.
   struct alignas(16) Point {
     float at[4];
   };

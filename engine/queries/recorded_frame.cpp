@@ -2,63 +2,77 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
-
-#include "base/frame_stamp.hpp"
 
 namespace ringfence::queries {
 
-std::uint64_t RecordedFrame::begin(std::size_t slots, std::uint64_t number) {
-  std::uint64_t kept = std::exchange(number_, none);
+void RecordedFrame::begin(std::size_t slots, bool has_groups) {
+  number_ = none;
+  row_of_slot_.discard();
   standing_.discard();
   moving_.discard();
   if (block_ != nullptr) block_->discard();
   view_ = shapes_->view();
   has_shape_.resize(shapes_->size());
   for (ShapeNumber shape = 0; shape < has_shape_.size(); ++shape) has_shape_[shape] = shapes_->has(shape);
-  if (kept == none || kept > number || number - kept > base::max_stamp_age || slots < rows_.size()) {
-    kept = none;
-    sources_.clear();
-    changed_.clear();
-  }
+  slots_ = slots;
+  size_ = 0;
   rows_.resize(slots);
-  user_data_.resize(slots);
-  sources_.resize(slots);
-  changed_.resize(slots, 1);
-  return kept;
+  slot_of_row_.resize(slots);
+  jumped_.resize(slots);
+  groups_.resize(has_groups ? slots : 0);
 }
 
 void RecordedFrame::begin_bounds(const geometry::FixedSpace& space, const Vec3d& origin) {
-  bounds_.resize(rows_.size());
+  bounds_.resize(slots_);
+  changed_.resize(slots_);
   if (box_of_ && is_near_origin(*box_of_, origin)) return;
   box_of_.emplace(space, origin);
-  std::fill(changed_.begin(), changed_.end(), std::uint8_t{1});
+  standing_frame_ = none;
 }
 
-void RecordedFrame::finish(std::uint64_t number, std::size_t objects) noexcept {
-  size_ = objects;
-  number_ = number;
+RecordedFrame::NewRows RecordedFrame::add(std::size_t count) noexcept {
+  const auto next = [&](auto& list) { return std::span(list.data() + size_, list.empty() ? 0 : count); };
+  NewRows rows{next(rows_), next(slot_of_row_), next(jumped_), next(groups_), next(bounds_), next(changed_)};
+  size_ += count;
+  return rows;
+}
+
+void RecordedFrame::finish(std::uint64_t number) noexcept { number_ = number; }
+
+FrameRows RecordedFrame::objects() const {
+  const std::vector<std::uint32_t>& row_of = row_of_slot_.get([&](std::vector<std::uint32_t>& rows) {
+    rows.resize(slots_);
+    if (size_ != slots_) std::fill(rows.begin(), rows.end(), FrameRows::none);
+    for (std::uint32_t row = 0; row < size_; ++row) rows[slot_of_row_[row]] = row;
+  });
+  return {rows(), row_of, size_, groups_.span(), jumped_.span()};
 }
 
 const FramePart& RecordedFrame::standing() const {
   return standing_.get([&](FramePart& part) {
-    part.build(rows_.span(), size_, *shapes_, {bounds_.span(), box_of_ ? &*box_of_ : nullptr, changed_}, order_->get());
-    std::fill(changed_.begin(), changed_.end(), std::uint8_t{0});
+    KnownBounds known;
+    if (box_of_) known = {bounds_.span(), &*box_of_, changed_.span(), {}};
+    if (standing_frame_ != none && number_ - standing_frame_ <= base::max_stamp_age) {
+      known.built = base::stamp_of(standing_frame_);
+    }
+    standing_frame_ = none;
+    part.build(objects(), *shapes_, known, order_->get());
+    if (box_of_) standing_frame_ = number_;
     order_->set(part.share_order());
   });
 }
 
 const SweptFrames& RecordedFrame::moving_to(const RecordedFrame& next) const {
   return moving_.get([&](SweptFrames& part) {
-    const std::array<SweptFrames::Rows, 2> frames{rows(), next.rows()};
+    const std::array<FrameRows, 2> frames{objects(), next.objects()};
     part.build(number_, frames, *shapes_);
   });
 }
 
 const SweptFrames& RecordedFrame::swept(std::span<const std::shared_ptr<const RecordedFrame>> frames) const {
   return block_->get([&](SweptFrames& part) {
-    std::array<SweptFrames::Rows, SweptFrames::most + 1> rows;
-    for (std::size_t i = 0; i < frames.size(); ++i) rows[i] = frames[i]->rows();
+    std::array<FrameRows, SweptFrames::most + 1> rows;
+    for (std::size_t i = 0; i < frames.size(); ++i) rows[i] = frames[i]->objects();
     part.build(frames.front()->number(), std::span(rows).first(frames.size()), *shapes_);
   });
 }

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/frame_stamp.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/frame_part.hpp"
@@ -20,12 +21,13 @@ namespace ringfence::queries {
 /// The present objects of one complete frame, as queries read them, with the indexes that its queries have built.
 ///
 /// Indexes: one of the objects where they stand; one of their ways to the next frame, for times between the two; and,
-/// if the frame is the last of a block, that of the block. Each is built by the first query that needs it. Rows of
-/// objects that have not changed are kept for the next frame that is recorded here, with their places in the first
-/// index.
+/// if the frame is the last of a block, that of the block. Each is built by the first query that needs it. The first
+/// index keeps the boxes of objects that have not changed for the next frame that is recorded here. Rows are in the
+/// order in which they are recorded, because to write them in the order of slots takes several times as long; the first
+/// query finds out which row a slot has.
 ///
 /// Threads: one thread records, while no reader has pinned the frame; then all const functions by any number of
-/// threads, which wait for each other only while an index is built. Memory: kept between frames; 74 to 102 bytes
+/// threads, which wait for each other only while an index is built. Memory: kept between frames; 69 to 109 bytes
 /// for each slot, and 30 to 100 for each object and index.
 class RecordedFrame {
  public:
@@ -39,25 +41,26 @@ class RecordedFrame {
   static constexpr std::uint64_t none = ~std::uint64_t{0};
 
   // Recording.
-  /// Begins frame `number`: number() is none until finish(). What was recorded here before is still there: returns the
-  /// number of that frame, or none if every slot is to be set. May throw std::bad_alloc; then nothing is left.
-  std::uint64_t begin(std::size_t slots, std::uint64_t number);
+  /// Begins a frame with objects in slots less than `slots`, of which some have groups or none has: number() is none
+  /// until finish(). May throw std::bad_alloc; then nothing is left.
+  void begin(std::size_t slots, bool has_groups);
   /// After begin(), always or never: the bounds of all rows are set too, so that the index need not compute them.
   /// `space` is that of the world, `origin` a place in the midst of the objects. May throw std::bad_alloc.
   void begin_bounds(const geometry::FixedSpace& space, const Vec3d& origin);
-  /// The row of a slot, to set it and all that belongs to it. Its number is 0 if the slot has no present object.
-  FrameObject& row(std::uint32_t slot) noexcept {
-    changed_[slot] = 1;
-    return rows_[slot];
-  }
-  /// What the caller has noted about the row of a slot when it was set; 0 at first.
-  std::uint8_t& source(std::uint32_t slot) noexcept { return sources_[slot]; }
-  void prefetch_row(std::uint32_t slot) const noexcept { base::prefetch_for_write(&rows_[slot]); }
-  void set_bounds(std::uint32_t slot, const RowBounds& bounds) noexcept { bounds_[slot] = bounds; }
-  void prefetch_bounds(std::uint32_t slot) const noexcept { base::prefetch_for_write(&bounds_[slot]); }
-  void set_user_data(std::uint32_t slot, std::uint64_t data) noexcept { user_data_[slot] = data; }
-  /// The frame is complete, with so many present objects.
-  void finish(std::uint64_t number, std::size_t objects) noexcept;
+  /// Rows for the caller to fill. All spans have one element for each, but those that are empty.
+  struct NewRows {
+    std::span<FrameObject> objects;
+    std::span<std::uint32_t> slots;
+    std::span<std::uint8_t> jumped;
+    std::span<std::uint32_t> groups;  ///< empty without groups
+    // Empty without bounds.
+    std::span<RowBounds> bounds;
+    std::span<base::FrameStamp> changed;  ///< the last frame in which the object has changed
+  };
+  /// Adds rows for objects. All calls after begin() together add at most as many as there are slots.
+  NewRows add(std::size_t count) noexcept;
+  /// The frame is complete.
+  void finish(std::uint64_t number) noexcept;
 
   /// The index of a block of frames; null in a frame that is not the last of one. It moves from frame to frame, because
   /// few frames need its memory. May only be changed while no reader has pinned the frame.
@@ -66,14 +69,17 @@ class RecordedFrame {
 
   // Reading.
   std::size_t size() const noexcept { return size_; }  ///< number of objects
-  /// By slot; number 0 if the slot has no present object.
-  std::span<const FrameObject> rows() const noexcept { return rows_.span(); }
+  /// Each has an object; in any order.
+  std::span<const FrameObject> rows() const noexcept { return rows_.span().first(size_); }
+  /// The slot of each of them.
+  std::span<const std::uint32_t> slots() const noexcept { return slot_of_row_.span().first(size_); }
+  /// ObjectSpec::group of the object of a row.
+  std::uint32_t group(std::size_t row) const noexcept { return groups_.empty() ? 0 : groups_[row]; }
+  /// The objects by slot. May throw std::bad_alloc.
+  FrameRows objects() const;
   const geometry::ShapeView& shapes() const noexcept { return view_; }
   /// Whether the shape was registered then, and not removed.
   bool has_shape(ShapeNumber shape) const noexcept { return shape < has_shape_.size() && has_shape_[shape]; }
-  /// ObjectSpec::user_data of the object in that slot.
-  std::uint64_t user_data(std::uint32_t slot) const noexcept { return user_data_[slot]; }
-  void prefetch_user_data(std::uint32_t slot) const noexcept { base::prefetch_for_read(&user_data_[slot]); }
   /// The objects where they stand. May throw std::bad_alloc.
   const FramePart& standing() const;
   /// The same objects on their way to `next`, which is the frame after this one. May throw std::bad_alloc.
@@ -94,14 +100,18 @@ class RecordedFrame {
   geometry::ShapeView view_;
   std::vector<bool> has_shape_;  ///< by shape number
   std::uint64_t number_ = none;
-  std::size_t size_ = 0;
-  base::FlatList<FrameObject> rows_;  ///< by slot; number 0 if the slot has no present object
-  base::FlatList<RowBounds> bounds_;  ///< by slot, or empty
-  std::optional<BoxConverter> box_of_;
-  base::FlatList<std::uint64_t> user_data_;
-  std::vector<std::uint8_t> sources_;
-  mutable std::vector<std::uint8_t> changed_;  ///< by slot: 1 if it was set since standing_ was built
+  std::size_t slots_ = 0, size_ = 0;
+  // By row, as NewRows. The first size_ elements count.
+  base::FlatList<FrameObject> rows_;
+  base::FlatList<std::uint32_t> slot_of_row_;
+  base::FlatList<std::uint8_t> jumped_;
+  base::FlatList<std::uint32_t> groups_;
+  base::FlatList<RowBounds> bounds_;
+  base::FlatList<base::FrameStamp> changed_;
+  std::optional<BoxConverter> box_of_;  ///< of bounds_
+  LazyIndex<std::vector<std::uint32_t>> row_of_slot_;
   LazyIndex<FramePart> standing_;
+  mutable std::uint64_t standing_frame_ = none;  ///< that standing_ was built for, with bounds_ and box_of_
   LazyIndex<SweptFrames> moving_;
   std::unique_ptr<BlockIndex> block_;
   mutable std::atomic<std::uint32_t> readers_{0};

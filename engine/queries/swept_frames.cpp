@@ -15,7 +15,7 @@ namespace {
 /// What all builds of a thread need for a while.
 struct Scratch {
   std::vector<std::uint32_t> order;
-  // In the order of the rows.
+  // In the order of the keys.
   base::FlatList<Stay> stays;
   base::FlatList<RowBounds> bounds;
   MedianSplits splits;
@@ -26,9 +26,9 @@ Scratch& scratch() {
   return mine;
 }
 
-/// Whether an object is on its way from one frame to the next, and neither jumps nor changes its shape.
-bool continues(const FrameObject& now, const FrameObject& next) noexcept {
-  return next.number == now.number && next.generation == now.generation && next.shape == now.shape && next.jumped == 0;
+/// Whether an object that has not jumped comes from a frame, and has not changed its shape.
+bool continues(const FrameObject& before, const FrameObject& now) noexcept {
+  return now.number == before.number && now.generation == before.generation && now.shape == before.shape;
 }
 
 constexpr geometry::Bounds no_bounds() noexcept {
@@ -73,46 +73,48 @@ class BoundsAdder {
 /// Finds the stays of all objects, and their bounds.
 class StayFinder {
  public:
-  StayFinder(std::span<const SweptFrames::Rows> frames, const geometry::ShapeTable& shapes,
-             const geometry::FixedSpace& space, Scratch& out)
+  StayFinder(std::span<const FrameRows> frames, const geometry::ShapeTable& shapes, const geometry::FixedSpace& space,
+             Scratch& out)
       : frames_(frames), shapes_(shapes), out_(out), adder_(shapes, space, out.bounds) {}
 
   void find() {
-    std::size_t rows = 0;
-    for (const SweptFrames::Rows& frame : frames_) rows = std::max(rows, frame.size());
+    std::size_t keys = 0;
+    for (const FrameRows& frame : frames_) keys = std::max(keys, frame.row_of.size());
     out_.stays.clear();
     out_.bounds.clear();
-    for (std::uint32_t row = 0; row < rows; ++row) visit(row);
+    for (std::uint32_t key = 0; key < keys; ++key) visit(key);
     adder_.finish();
   }
 
  private:
-  void visit(std::uint32_t row) {
+  void visit(std::uint32_t key) {
     const FrameObject* before = nullptr;  // null: no stay has begun
     for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
-      const bool present = row < frames_[frame].size() && frames_[frame][row].number != 0;
-      const FrameObject* const now = present ? &frames_[frame][row] : nullptr;
-      if (before != nullptr && present && continues(*before, *now)) {
-        go_on(*before, *now);
+      const std::uint32_t row = frames_[frame].row(key);
+      const FrameObject* const now = row == FrameRows::none ? nullptr : &frames_[frame].rows[row];
+      if (before != nullptr && now != nullptr && !frames_[frame].has_jumped(row) && continues(*before, *now)) {
+        go_on(row, *before, *now);
         before = now;
         continue;
       }
       if (before != nullptr) finish(*before);
       before = frame + 1 < frames_.size() ? now : nullptr;
-      if (before != nullptr) begin(row, frame, *now);
+      if (before != nullptr) begin(key, row, frame, *now);
     }
     if (before != nullptr) finish(*before);
   }
 
-  void begin(std::uint32_t row, std::size_t frame, const FrameObject& now) {
+  void begin(std::uint32_t key, std::uint32_t row, std::size_t frame, const FrameObject& now) {
     const auto number = static_cast<std::uint8_t>(frame);
-    out_.stays.push_back({row, number, number});
+    out_.stays.push_back({key, row, number, number});
     out_.bounds.push_back({no_bounds(), 0});
     adder_.add(out_.stays.size() - 1, now);
     least_cosine_ = 1;
   }
-  void go_on(const FrameObject& before, const FrameObject& now) {
-    ++out_.stays.back().last;
+  void go_on(std::uint32_t row, const FrameObject& before, const FrameObject& now) {
+    Stay& stay = out_.stays.back();
+    ++stay.last;
+    if (row != stay.row) stay.row = FrameRows::none;
     if (before.pose == now.pose) return;
     adder_.add(out_.stays.size() - 1, now);
     least_cosine_ = std::min(least_cosine_, turn_cosine(before.pose.orientation, now.pose.orientation));
@@ -125,7 +127,7 @@ class StayFinder {
     out_.bounds.back().margin = margin_of(shape) + static_cast<float>(beyond * (1 + 0x1p-20));
   }
 
-  std::span<const SweptFrames::Rows> frames_;
+  std::span<const FrameRows> frames_;
   const geometry::ShapeTable& shapes_;
   Scratch& out_;
   BoundsAdder adder_;
@@ -134,18 +136,18 @@ class StayFinder {
 
 }  // namespace
 
-void SweptFrames::build(std::uint64_t first, std::span<const Rows> frames, const geometry::ShapeTable& shapes) {
+void SweptFrames::build(std::uint64_t first, std::span<const FrameRows> frames, const geometry::ShapeTable& shapes) {
   first_ = first;
-  frames_ = frames.size() - 1;
-  std::copy(frames.begin(), frames.end(), rows_.begin());
+  covered_ = frames.size() - 1;
+  std::copy(frames.begin(), frames.end(), frames_.begin());
 
   Scratch& made = scratch();
   made.order.clear();
-  for (std::uint32_t row = 0; row < rows_[0].size(); ++row) {
-    if (rows_[0][row].number != 0) made.order.push_back(row);
+  for (const std::uint32_t row : frames[0].row_of) {
+    if (row != FrameRows::none) made.order.push_back(row);
   }
-  const Vec3d origin = choose_origin(rows_[0], made.order);
-  const geometry::FixedSpace space = space_around(origin, rows_[0], made.order);
+  const Vec3d origin = choose_origin(frames[0].rows, made.order);
+  const geometry::FixedSpace space = space_around(origin, frames[0].rows, made.order);
   StayFinder(frames, shapes, space, made).find();
 
   made.order.resize(made.stays.size());

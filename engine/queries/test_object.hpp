@@ -24,6 +24,14 @@ inline const FrameObject* object_at(const SweptFrames& part, const FrameMoment& 
   return part.object(box, moment.times[query]);
 }
 
+inline std::uint32_t group_at(const FramePart& part, const FrameMoment&, std::size_t, std::uint32_t box) noexcept {
+  return part.group(box);
+}
+inline std::uint32_t group_at(const SweptFrames& part, const FrameMoment& moment, std::size_t query,
+                              std::uint32_t box) noexcept {
+  return part.group(box, moment.times[query]);
+}
+
 inline const Pose& pose_at(const FramePart& part, const FrameMoment&, std::size_t, std::uint32_t box) noexcept {
   return part.object(box).pose;
 }
@@ -46,7 +54,8 @@ template <class Part, class Test>
 double test_object(const Part& part, const FrameMoment& moment, std::size_t query, std::uint32_t box,
                    const QueryFilter& filter, double limit, QueryWork& work, const Test& test) {
   const FrameObject* const object = object_at(part, moment, query, box);
-  if (object == nullptr || !admits(filter, *object)) return limit;
+  const auto group = [&] { return group_at(part, moment, query, box); };
+  if (object == nullptr || !admits(filter, *object, group)) return limit;
   ++work.tests;
   try {
     return test(*object, pose_at(part, moment, query, box), limit);

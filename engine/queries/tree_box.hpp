@@ -18,12 +18,13 @@ struct TreeBox {
   float upper[3];
 };
 
-/// The bounds of the object in a row, and the metres by which its box is wider on each side. A row without an object
-/// has a negative margin.
-struct RowBounds {
+/// The bounds of the object in a row, and the metres by which its box is wider on each side. Vectors of four numbers
+/// are loaded from it.
+struct alignas(32) RowBounds {
   geometry::Bounds bounds;
   float margin;
 };
+static_assert(sizeof(RowBounds) == 32);
 
 /// Some rows in an order.
 struct RowOrder {
@@ -75,14 +76,6 @@ class BoxConverter {
 inline bool is_near_origin(const BoxConverter& box_of, const Vec3d& place) noexcept {
   return length(box_of.origin() - place) <= 1024;
 }
-
-/// Bounds of objects that are known before an index is built, by row; empty: none is known.
-struct KnownBounds {
-  std::span<const RowBounds> rows;
-  const BoxConverter* box_of = nullptr;  ///< converts them
-  /// By row: 0 if its bounds are as in the build before, and box_of too if any is 0; empty: not known.
-  std::span<const std::uint8_t> changed = {};
-};
 
 /// An origin in the midst of most objects, where floats are precise: the medians of the positions of some of the
 /// objects `rows[objects[i]]`; zero if there are none.

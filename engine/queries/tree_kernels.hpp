@@ -40,8 +40,8 @@ using BatchSearch = bool (*)(const BoxTree& tree, std::span<const Reach> reaches
 /// versions visit each box that the query reaches within the limit; which others they visit, and in what order, may
 /// differ. They return the number of boxes that they compared.
 struct TreeKernels {
-  /// Sets the boxes of these rows, eight to a group, for the `wanted` groups. False if one of their rows has no object.
-  bool (*fill_leaves)(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
+  /// Sets the boxes of these rows, eight to a group, for the `wanted` groups.
+  void (*fill_leaves)(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
                       BoxGroup* groups);
   /// Boxes that are reached at a fraction of at most `limit`, about in the order of the fractions.
   std::uint64_t (*reach)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);

@@ -244,7 +244,7 @@ TEST_CASE("leaves are the boxes of their rows, widened by their margins, on ever
     for (std::size_t i = 0; i < count; ++i) boxes.of_rows[i].margin = static_cast<float>(i % 5);
     BoxTree tree;
     test::on_every_target([&] {
-      REQUIRE(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
+      tree.build(boxes.of_rows, boxes.order, boxes.box_of);
       for (std::size_t i = 0; i < count; ++i) {
         const queries::TreeBox box = boxes.box_of(boxes.of_rows[boxes.order[i]]);
         const queries::BoxGroup& group = tree.level(0)[i / queries::tree_width];
@@ -255,9 +255,6 @@ TEST_CASE("leaves are the boxes of their rows, widened by their margins, on ever
         }
       }
     });
-    boxes.of_rows[count / 2].margin = -1;
-    CHECK(!tree.build(boxes.of_rows, boxes.order, boxes.box_of));
-    CHECK(tree.size() == 0);
   }
 }
 
@@ -308,16 +305,17 @@ TEST_CASE("a tree of which some boxes were updated is the tree that is built of 
       Boxes boxes(count, 40, count + of_a_hundred);
       const Boxes later(count, 40, 1000 + count);
       BoxTree updated, built;
-      REQUIRE(updated.build(boxes.of_rows, boxes.order, boxes.box_of));
+      updated.build(boxes.of_rows, boxes.order, boxes.box_of);
       Random random(count);
-      std::vector<std::uint8_t> changed(count);
-      for (std::size_t row = 0; row < count; ++row) {
+      std::vector<std::uint32_t> changed;
+      for (std::size_t box = 0; box < count; ++box) {
         if (random.below(100) >= of_a_hundred) continue;
-        changed[row] = 1;
-        boxes.of_rows[row] = later.of_rows[row];
+        boxes.of_rows[boxes.order[box]] = later.of_rows[box];
+        const auto group = static_cast<std::uint32_t>(box / queries::tree_width);
+        if (changed.empty() || changed.back() != group) changed.push_back(group);
       }
-      REQUIRE(updated.update(boxes.of_rows, boxes.order, boxes.box_of, changed));
-      REQUIRE(built.build(boxes.of_rows, boxes.order, boxes.box_of));
+      updated.update(boxes.of_rows, boxes.order, boxes.box_of, changed);
+      built.build(boxes.of_rows, boxes.order, boxes.box_of);
       REQUIRE(updated.size() == built.size());
       REQUIRE(updated.levels() == built.levels());
       CHECK(updated.cost() == built.cost());
@@ -327,20 +325,6 @@ TEST_CASE("a tree of which some boxes were updated is the tree that is built of 
       }
     }
   }
-}
-
-TEST_CASE("a tree in which a row has lost its object is not updated, and empty until it is built again") {
-  Boxes boxes(100, 40, 5);
-  BoxTree tree;
-  REQUIRE(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
-  boxes.of_rows[42].margin = -1;
-  std::vector<std::uint8_t> changed(100);
-  changed[42] = 1;
-  CHECK(!tree.update(boxes.of_rows, boxes.order, boxes.box_of, changed));
-  CHECK(tree.size() == 0);
-  std::erase(boxes.order, 42u);
-  CHECK(tree.build(boxes.of_rows, boxes.order, boxes.box_of));
-  CHECK(tree.size() == 99);
 }
 
 }  // namespace

@@ -25,9 +25,9 @@ using queries::ObjectHit;
 using queries::ObjectPoint;
 using queries::Searcher;
 
-inline std::size_t count_of(const std::vector<FrameObject>& rows) {
+inline std::size_t count_of(const std::vector<TestObject>& rows) {
   return static_cast<std::size_t>(
-      std::count_if(rows.begin(), rows.end(), [](const FrameObject& row) { return row.number != 0; }));
+      std::count_if(rows.begin(), rows.end(), [](const TestObject& row) { return row.number != 0; }));
 }
 
 /// What a query finds, in order of (fraction, number), as comparable numbers.
@@ -59,11 +59,12 @@ inline Founds first_of(const Founds& all) { return all.empty() ? Founds() : Foun
 
 /// `test(row, hit)` of every object that the filter admits.
 template <class Test>
-Founds test_all(const std::vector<FrameObject>& rows, const QueryFilter& filter, Test test) {
+Founds test_all(const std::vector<TestObject>& rows, const QueryFilter& filter, Test test) {
   Founds out;
-  for (const FrameObject& row : rows) {
+  for (const TestObject& row : rows) {
     ShapeHit hit;
-    if (row.number != 0 && queries::admits(filter, row) && test(row, hit)) out.push_back(found(row, hit));
+    if (row.number != 0 && queries::admits(filter, row, [&] { return row.group; }) && test(row, hit))
+      out.push_back(found(row, hit));
   }
   std::sort(out.begin(), out.end());
   return out;
@@ -79,7 +80,7 @@ struct Batch {
 };
 
 /// Adds all kinds of queries along one path.
-inline void add(const geometry::ShapeView& view, const std::vector<FrameObject>& rows, const Vec3d& start,
+inline void add(const geometry::ShapeView& view, const std::vector<TestObject>& rows, const Vec3d& start,
                 const Vec3d& displacement, ShapeNumber shape, const Quat& orientation, double distance,
                 const QueryFilter& filter, Batch& batch) {
   const Ray ray = Ray::along(start, displacement);
@@ -147,12 +148,12 @@ void check(Searcher& searcher, const Part& part, const geometry::ShapeView& view
 }
 
 /// Adds random queries about objects around `origin`, most of which are within `half` of it.
-inline void add_random(const geometry::ShapeView& view, const std::vector<FrameObject>& rows, Random& random,
+inline void add_random(const geometry::ShapeView& view, const std::vector<TestObject>& rows, Random& random,
                        double half, const Vec3d& origin, Batch& batch) {
   const double lengths[] = {0, 1, half, 4 * half, 1e6};
   const Vec3d offset = random.in_cube(1.2 * half);
-  const FrameObject none;
-  const auto any_row = [&]() -> const FrameObject& { return rows.empty() ? none : rows[random.below(rows.size())]; };
+  const TestObject none;
+  const auto any_row = [&]() -> const TestObject& { return rows.empty() ? none : rows[random.below(rows.size())]; };
   const Vec3d start = random.below(4) == 0 ? any_row().pose.position
                                            : Vec3d{origin.x + offset.x, origin.y + offset.y, origin.z + offset.z};
   Vec3d displacement = random.in_cube(lengths[random.below(5)]);
@@ -161,7 +162,7 @@ inline void add_random(const geometry::ShapeView& view, const std::vector<FrameO
   if (random.below(4) == 0) filter.layers = static_cast<std::uint32_t>(random.below(32));
   if (random.below(4) == 0) filter.categories = static_cast<std::uint32_t>(random.below(16));
   if (random.below(4) == 0) filter.except_group = static_cast<std::uint32_t>(random.below(4));
-  const FrameObject& except = any_row();
+  const TestObject& except = any_row();
   if (random.below(2) == 0) filter.except = ObjectId::of(except.number, except.generation);
   const double distance = random.below(3) == 0 ? std::numeric_limits<double>::infinity() : random.uniform(0, half);
   const auto shape = static_cast<ShapeNumber>(random.below(mesh_shape));

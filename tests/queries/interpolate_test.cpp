@@ -1,10 +1,11 @@
+#include "queries/interpolate.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include <doctest/doctest.h>
 
 #include "geometry/vector.hpp"
-#include "queries/frame_object.hpp"
 #include "queries/random_rows.hpp"
 
 namespace ringfence::queries_test {

@@ -14,7 +14,6 @@
 namespace ringfence::queries_test {
 namespace {
 
-using queries::FrameObject;
 using queries::MedianSplits;
 using queries::tree_width;
 
@@ -59,17 +58,21 @@ bool is_divided(std::span<const FrameObject> objects, std::span<const std::uint3
   return is_along_one && is_divided(objects, rows.first(half), each) && is_divided(objects, rows.subspan(half), each);
 }
 
-void check(MedianSplits& splits, std::span<const Vec3d> places, std::vector<std::uint32_t> rows) {
-  CAPTURE(rows.size());
+void check(MedianSplits& splits, std::span<const Vec3d> places, std::vector<std::uint32_t> keys) {
+  CAPTURE(keys.size());
   const std::vector<FrameObject> objects = at_places(places);
-  std::vector<std::uint32_t> expected = rows;
-  splits.sort(objects, rows);
+  std::vector<FrameObject> rows(objects.rbegin(), objects.rend());
+  std::vector<std::uint32_t> row_of(objects.size());
+  for (std::uint32_t key = 0; key < row_of.size(); ++key)
+    row_of[key] = static_cast<std::uint32_t>(rows.size()) - 1 - key;
+  std::vector<std::uint32_t> expected = keys;
+  splits.sort({rows, row_of, rows.size()}, keys);
   std::size_t each = tree_width;
-  while (each * tree_width < rows.size()) each *= tree_width;
-  CHECK(is_divided(objects, rows, each));
+  while (each * tree_width < keys.size()) each *= tree_width;
+  CHECK(is_divided(objects, keys, each));
   std::sort(expected.begin(), expected.end());
-  std::sort(rows.begin(), rows.end());
-  CHECK(rows == expected);
+  std::sort(keys.begin(), keys.end());
+  CHECK(keys == expected);
 }
 
 std::vector<std::uint32_t> all_of(std::size_t count) {

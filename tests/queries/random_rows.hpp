@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "geometry/ellipsoid.hpp"
@@ -13,6 +14,50 @@
 namespace ringfence::queries_test {
 
 using queries::FrameObject;
+
+/// An object, with what a frame keeps beside its row.
+struct TestObject : FrameObject {
+  std::uint32_t group = 0, slot = 0;
+  std::uint8_t jumped = 0;
+};
+
+/// Objects as a frame has them, in rows of another order than that of their keys.
+class RowLists {
+ public:
+  /// Objects by key; one with the number 0 is not there. The rows begin with the object after `shift` others.
+  explicit RowLists(std::span<const TestObject> objects, std::size_t shift = 1)
+      : row_of_(objects.size(), queries::FrameRows::none) {
+    add({}, 7);  // a row that does not count
+    for (std::size_t i = objects.size(); i-- > 0;) {
+      const std::size_t key = (i + shift) % objects.size();
+      const TestObject& object = objects[key];
+      if (object.number == 0) continue;
+      row_of_[key] = static_cast<std::uint32_t>(rows_.size());
+      add(object, object.group);
+      jumped_.back() = object.jumped;
+    }
+  }
+
+  queries::FrameRows view() const { return {rows_, row_of_, rows_.size() - 1, groups_, jumped_}; }
+  /// `of(object)` of each row.
+  template <class Value, class Of>
+  std::vector<Value> each(const Of& of) const {
+    std::vector<Value> values(1);
+    for (std::size_t row = 1; row < rows_.size(); ++row) values.push_back(of(rows_[row]));
+    return values;
+  }
+
+ private:
+  void add(const FrameObject& object, std::uint32_t group) {
+    rows_.push_back(object);
+    groups_.push_back(group);
+    jumped_.push_back(0);
+  }
+
+  std::vector<FrameObject> rows_;
+  std::vector<std::uint32_t> row_of_, groups_;
+  std::vector<std::uint8_t> jumped_;
+};
 
 class Random {
  public:
@@ -51,12 +96,12 @@ inline void add_shapes(geometry::ShapeTable& table) {
 inline constexpr ShapeNumber mesh_shape = 5, shapes = 6;
 
 /// `count` rows around `origin`; numbers are distinct, and some rows have no object.
-inline std::vector<FrameObject> make_rows(Random& random, std::size_t count, double half, const Vec3d& origin) {
-  std::vector<FrameObject> rows(count);
+inline std::vector<TestObject> make_rows(Random& random, std::size_t count, double half, const Vec3d& origin) {
+  std::vector<TestObject> rows(count);
   for (std::uint32_t i = 0; i < count; ++i) {
     if (random.below(10) == 0) continue;
     const Vec3d at = random.in_cube(half);
-    FrameObject& row = rows[i];
+    TestObject& row = rows[i];
     row.pose = {{origin.x + at.x, origin.y + at.y, origin.z + at.z}, random.orientation()};
     row.shape = static_cast<ShapeNumber>(random.below(shapes));
     row.number = static_cast<ObjectNumber>(count * 2 - i);

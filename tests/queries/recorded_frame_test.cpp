@@ -1,6 +1,6 @@
 #include "queries/recorded_frame.hpp"
 
-#include <algorithm>
+#include <functional>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -15,23 +15,28 @@ namespace {
 
 using queries::RecordedFrame;
 
-void record(RecordedFrame& frame, std::uint64_t number, const std::vector<FrameObject>& rows) {
-  (void)frame.begin(rows.size(), number);
-  for (std::uint32_t i = 0; i < rows.size(); ++i) {
-    frame.row(i) = rows[i];
-    frame.set_user_data(i, 100 + i);
+/// Records the objects of some slots, the last first.
+void record(RecordedFrame& frame, std::uint64_t number, const std::vector<TestObject>& objects,
+            const std::function<void(const RecordedFrame::NewRows&, const TestObject&)>& set_bounds = {}) {
+  if (!set_bounds) frame.begin(objects.size(), true);
+  for (std::size_t i = objects.size(); i-- > 0;) {
+    if (objects[i].number == 0) continue;
+    const RecordedFrame::NewRows row = frame.add(1);
+    row.objects[0] = objects[i];
+    row.slots[0] = static_cast<std::uint32_t>(i);
+    row.jumped[0] = objects[i].jumped;
+    row.groups[0] = objects[i].group;
+    if (set_bounds) set_bounds(row, objects[i]);
   }
-  frame.finish(number, static_cast<std::size_t>(std::count_if(rows.begin(), rows.end(),
-                                                              [](const FrameObject& row) { return row.number != 0; })));
+  frame.finish(number);
 }
 
-FrameObject ball(ObjectNumber number, std::uint32_t slot, double x) {
-  FrameObject row;
-  row.pose.position = {x, 0, 0};
-  row.number = number;
-  row.generation = 1;
-  row.slot = slot;
-  return row;
+TestObject ball(ObjectNumber number, double x) {
+  TestObject object;
+  object.pose.position = {x, 0, 0};
+  object.number = number;
+  object.generation = 1;
+  return object;
 }
 
 template <class Part>
@@ -43,64 +48,70 @@ double first_hit(const Part& part, const RecordedFrame& frame, double fraction) 
   return best.object == nullptr ? -1 : 100 * best.hit.fraction;
 }
 
-TEST_CASE("a frame shows the shapes, objects and user data that it was recorded with") {
+TEST_CASE("a frame shows the shapes and objects that it was recorded with") {
   const auto shapes = std::make_shared<geometry::ShapeTable>();
   shapes->add(Sphere{1});
   const ShapeNumber second = shapes->add(Sphere{2});
   RecordedFrame frame(shapes, std::make_shared<queries::LastOrder>());
   CHECK(frame.number() == RecordedFrame::none);
-  record(frame, 7, {ball(5, 0, 10), FrameObject{}, ball(6, 2, 20)});
+  TestObject last = ball(6, 20);
+  last.group = 44;
+  last.jumped = 1;
+  record(frame, 7, {ball(5, 10), TestObject{}, last});
   shapes->remove(second);
   const ShapeNumber third = shapes->add(Sphere{3});
   CHECK(frame.number() == 7);
   CHECK(frame.size() == 2);
-  CHECK(frame.user_data(2) == 102);
+  const queries::FrameRows objects = frame.objects();
+  CHECK(objects.objects == 2);
+  CHECK(objects.rows[objects.row(0)].number == 5);
+  CHECK(objects.row(1) == queries::FrameRows::none);
+  CHECK(objects.rows[objects.row(2)].number == 6);
+  CHECK(objects.group(objects.row(2)) == 44);
+  CHECK(objects.has_jumped(objects.row(2)));
+  CHECK(!objects.has_jumped(objects.row(0)));
+  CHECK(objects.row(3) == queries::FrameRows::none);
   CHECK(frame.has_shape(second));
   CHECK(!frame.has_shape(third));
   CHECK(first_hit(frame.standing(), frame, 0) == doctest::Approx(9));
-  record(frame, 8, {ball(5, 0, 30)});
+  record(frame, 8, {ball(5, 30)});
   CHECK(frame.size() == 1);
   CHECK(!frame.has_shape(second));
   CHECK(frame.has_shape(third));
   CHECK(first_hit(frame.standing(), frame, 0) == doctest::Approx(29));
 }
 
-TEST_CASE("a frame that is recorded again keeps the rows that are not set, and finds what a new one finds") {
+TEST_CASE("the index of a frame that is recorded again finds what that of a new one finds") {
   const auto shapes = std::make_shared<geometry::ShapeTable>();
   add_shapes(*shapes);
   const geometry::FixedSpace space({-50, -50, -50}, {50, 50, 50});
   const auto order = std::make_shared<queries::LastOrder>();
   RecordedFrame again(shapes, order);
   Random random(8);
-  std::vector<FrameObject> rows = make_rows(random, 300, 10, {});
-  const auto set = [&](RecordedFrame& frame, std::uint32_t slot) {
-    const FrameObject& row = frame.row(slot) = rows[slot];
-    frame.set_user_data(slot, row.number);
-    const bool any = row.number != 0;
-    frame.set_bounds(slot, any ? queries::RowBounds{shapes->bounds(row.shape, row.pose, space),
-                                                    queries::margin_of(shapes->row(row.shape))}
-                               : queries::RowBounds{{}, -1});
+  std::vector<TestObject> objects = make_rows(random, 300, 10, {});
+  std::vector<base::FrameStamp> changed(objects.size(), 3);
+  const auto record_in = [&](RecordedFrame& frame, std::uint64_t number, const Vec3d& origin) {
+    frame.begin(objects.size(), true);
+    frame.begin_bounds(space, origin);
+    record(frame, number, objects, [&](const RecordedFrame::NewRows& row, const TestObject& object) {
+      row.bounds[0] = {shapes->bounds(object.shape, object.pose, space), queries::margin_of(shapes->row(object.shape))};
+      row.changed[0] = changed[row.slots[0]];
+    });
   };
-  for (std::uint64_t number = 3; number < 30; ++number) {
+  for (std::uint64_t number = 3; number < 60; ++number) {
     CAPTURE(number);
-    // Far away from time to time, which moves the origin of the index.
-    const Vec3d origin = number % 9 == 0 ? Vec3d{5000, 0, 0} : Vec3d{};
-    CHECK(again.begin(rows.size(), number) == (number == 3 ? RecordedFrame::none : number - 1));
-    again.begin_bounds(space, origin);
-    const std::vector<FrameObject> drawn = make_rows(random, rows.size(), 10, {});
-    for (std::uint32_t slot = 0; slot < rows.size(); ++slot) {
-      if (number != 3 && random.below(20) != 0) continue;
-      if (number != 3) rows[slot] = drawn[slot];
-      set(again, slot);
+    const std::vector<TestObject> drawn = make_rows(random, objects.size(), 10, {});
+    for (std::uint32_t slot = 0; slot < objects.size(); ++slot) {
+      // In some frames no object appears or disappears.
+      if (random.below(20) != 0 || (number % 5 != 0 && (drawn[slot].number == 0) != (objects[slot].number == 0)))
+        continue;
+      objects[slot] = drawn[slot];
+      changed[slot] = static_cast<base::FrameStamp>(number);
     }
-    const auto objects = static_cast<std::size_t>(
-        std::count_if(rows.begin(), rows.end(), [](const FrameObject& row) { return row.number != 0; }));
-    again.finish(number, objects);
+    // Far away from time to time, which moves the origin of the index.
+    record_in(again, number, number % 9 == 0 ? Vec3d{5000, 0, 0} : Vec3d{});
     RecordedFrame fresh(shapes, std::make_shared<queries::LastOrder>());
-    (void)fresh.begin(rows.size(), number);
-    fresh.begin_bounds(space, {});
-    for (std::uint32_t slot = 0; slot < rows.size(); ++slot) set(fresh, slot);
-    fresh.finish(number, objects);
+    record_in(fresh, number, {});
     if (number % 4 == 0) continue;  // no query, so no index of this frame
     for (int i = 0; i < 40; ++i) {
       const narrow_phase::Ray ray = narrow_phase::Ray::along(random.in_cube(15), random.in_cube(30));
@@ -113,10 +124,8 @@ TEST_CASE("a frame that is recorded again keeps the rows that are not set, and f
       if (found.object == nullptr) continue;
       REQUIRE(found.object->number == right.object->number);
       REQUIRE(found.hit.fraction == right.hit.fraction);
-      REQUIRE(again.user_data(found.object->slot) == found.object->number);
     }
   }
-  CHECK(again.begin(rows.size() - 1, 31) == RecordedFrame::none);
 }
 
 TEST_CASE("on the way to the next frame an object moves if it is the same one there, with the same shape") {
@@ -125,26 +134,26 @@ TEST_CASE("on the way to the next frame an object moves if it is the same one th
   shapes->add(Sphere{1});
   const auto order = std::make_shared<queries::LastOrder>();
   RecordedFrame now(shapes, order), next(shapes, order);
-  record(now, 1, {ball(5, 0, 10)});
-  FrameObject later = ball(5, 0, 20);
+  record(now, 1, {ball(5, 10)});
+  TestObject later = ball(5, 20);
   record(next, 2, {later});
   CHECK(first_hit(now.moving_to(next), now, 0.5) == doctest::Approx(14));
-  const auto stands = [&](const std::vector<FrameObject>& rows) {
-    record(now, 1, {ball(5, 0, 10)});
+  const auto stands = [&](const std::vector<TestObject>& rows) {
+    record(now, 1, {ball(5, 10)});
     record(next, 2, rows);
     CHECK(first_hit(now.moving_to(next), now, 0.5) == doctest::Approx(9));
   };
-  stands({FrameObject{}});
+  stands({TestObject{}});
   stands({});
   later.jumped = 1;
   stands({later});
-  later = ball(5, 0, 20);
+  later = ball(5, 20);
   later.shape = 1;
   stands({later});
-  later = ball(5, 0, 20);
+  later = ball(5, 20);
   later.generation = 2;
   stands({later});
-  stands({ball(4, 0, 20)});
+  stands({ball(4, 20)});
 }
 
 TEST_CASE("threads that ask first build an index once and find the same") {

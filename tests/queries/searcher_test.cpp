@@ -16,7 +16,7 @@ using queries::FramePart;
 
 struct Objects {
   geometry::ShapeTable table;
-  std::vector<FrameObject> rows;
+  std::vector<TestObject> rows;  ///< by key
 };
 
 /// Asks random queries together and in batches that are too small for that, on every target. Returns the number of
@@ -26,8 +26,9 @@ std::size_t check_many(Objects& objects, Random& random, double half, const Vec3
   Batch batch;
   for (int i = 0; i < queries; ++i) add_random(view, objects.rows, random, half, origin, batch);
   test::on_every_target([&] {
+    const RowLists lists(objects.rows);
     FramePart part;
-    part.build(objects.rows, count_of(objects.rows), objects.table);
+    part.build(lists.view(), objects.table);
     Searcher searcher;
     const std::size_t all = batch.rays.size();
     check(searcher, part, view, batch, 0, all);
@@ -73,7 +74,7 @@ TEST_CASE("objects that are very far from the others do not hide them, and are f
   add_shapes(objects.table);
   objects.rows = make_rows(random, 120, 10, {});
   std::size_t far = 0;
-  for (FrameObject& row : objects.rows) {
+  for (TestObject& row : objects.rows) {
     if (row.number == 0 || row.slot % 20 != 3) continue;
     row.pose.position.x = far % 2 == 0 ? 1e15 : -1e15;
     row.pose.position.y = 5e14;
@@ -81,8 +82,9 @@ TEST_CASE("objects that are very far from the others do not hide them, and are f
   }
   REQUIRE(far > 3);
   CHECK(check_many(objects, random, 10, {}, 60) > 100);
+  const RowLists lists(objects.rows);
   FramePart part;
-  part.build(objects.rows, count_of(objects.rows), objects.table);
+  part.build(lists.view(), objects.table);
   const geometry::ShapeView view = objects.table.view();
   QueryWork work;
   ObjectPoint nearest;
@@ -91,17 +93,11 @@ TEST_CASE("objects that are very far from the others do not hide them, and are f
 }
 
 /// The bounds of all rows in the space of a world.
-std::vector<queries::RowBounds> bounds_of(const Objects& objects, const geometry::FixedSpace& space) {
-  std::vector<queries::RowBounds> bounds;
-  for (const FrameObject& row : objects.rows) {
-    if (row.number == 0) {
-      bounds.push_back({{}, -1});
-    } else {
-      bounds.push_back(
-          {objects.table.bounds(row.shape, row.pose, space), queries::margin_of(objects.table.row(row.shape))});
-    }
-  }
-  return bounds;
+std::vector<queries::RowBounds> bounds_of(const RowLists& lists, const geometry::ShapeTable& table,
+                                          const geometry::FixedSpace& space) {
+  return lists.each<queries::RowBounds>([&](const FrameObject& row) -> queries::RowBounds {
+    return {table.bounds(row.shape, row.pose, space), queries::margin_of(table.row(row.shape))};
+  });
 }
 
 void check_orders_of_frames(bool known) {
@@ -112,16 +108,25 @@ void check_orders_of_frames(bool known) {
   Objects objects;
   add_shapes(objects.table);
   objects.rows = make_rows(random, 2000, 40, {});
+  for (std::uint32_t slot = 0; slot < objects.rows.size(); ++slot) {
+    objects.rows[slot].slot = slot;
+    objects.rows[slot].user_data = slot;
+  }
   const geometry::ShapeView view = objects.table.view();
   std::shared_ptr<const queries::TreeOrder> order;
   FramePart again;  // keeps its order itself
+  std::vector<base::FrameStamp> changed(objects.rows.size(), 0);
   std::size_t sorted = 0;
-  for (int frame = 0; frame < 12; ++frame) {
+  for (std::uint32_t frame = 0; frame < 16; ++frame) {
     CAPTURE(frame);
     FramePart part;
-    const std::vector<queries::RowBounds> bounds = bounds_of(objects, space);
-    const queries::KnownBounds given{known ? std::span(bounds) : std::span<const queries::RowBounds>(), &box_of};
-    part.build(objects.rows, count_of(objects.rows), objects.table, given, order);
+    const RowLists lists(objects.rows, frame / 3);
+    const std::vector<queries::RowBounds> bounds = bounds_of(lists, objects.table, space);
+    const std::vector<base::FrameStamp> stamps =
+        lists.each<base::FrameStamp>([&](const FrameObject& row) { return changed[row.user_data]; });
+    queries::KnownBounds given;
+    if (known) given = {bounds, &box_of, stamps, {}};
+    part.build(lists.view(), objects.table, given, order);
     CHECK(part.size() == count_of(objects.rows));
     if (frame == 0 || order == nullptr) ++sorted;
     order = part.share_order();
@@ -129,16 +134,19 @@ void check_orders_of_frames(bool known) {
     Batch batch;
     for (int i = 0; i < 40; ++i) add_random(view, objects.rows, random, 40, {}, batch);
     check(searcher, part, view, batch, 0, 40);
-    again.build_again(objects.rows, count_of(objects.rows), objects.table, given);
+    if (known && frame != 0) given.built = frame - 1;
+    again.build_again(lists.view(), objects.table, given);
     CHECK(again.size() == count_of(objects.rows));
     check(searcher, again, view, batch, 0, 40);
-    for (FrameObject& row : objects.rows) {
+    for (TestObject& row : objects.rows) {
+      if (frame % 4 != 0 && random.below(10) != 0) continue;  // in most frames, most objects rest
       const Vec3d step = random.in_cube(frame < 6 ? 0.1 : 4);
       const Vec3d& at = row.pose.position;
       row.pose.position = {at.x + step.x, at.y + step.y, at.z + step.z};
       if (random.below(300) == 0) row.number = row.number == 0 ? row.slot + 1 : 0;
+      changed[row.slot] = frame + 1;
     }
-    if (frame == 8) objects.rows.resize(objects.rows.size() / 2);
+    if (frame == 12) objects.rows.resize(objects.rows.size() / 2);
   }
   CHECK(sorted > 1);
   CHECK(sorted < 8);
@@ -154,7 +162,7 @@ TEST_CASE("of objects that are hit at the same place, the one with the lowest nu
   Objects objects;
   const ShapeNumber ball = objects.table.add(Sphere{1});
   for (const ObjectNumber number : {9u, 4u, 7u, 4u, 12u}) {
-    FrameObject row;
+    TestObject row;
     row.pose.position = {5, 0, 0};
     row.number = number;
     row.generation = static_cast<std::uint32_t>(objects.rows.size() + 1);
@@ -162,8 +170,9 @@ TEST_CASE("of objects that are hit at the same place, the one with the lowest nu
     row.slot = static_cast<std::uint32_t>(objects.rows.size());
     objects.rows.push_back(row);
   }
+  const RowLists lists(objects.rows);
   FramePart part;
-  part.build(objects.rows, count_of(objects.rows), objects.table);
+  part.build(lists.view(), objects.table);
   const geometry::ShapeView view = objects.table.view();
   QueryWork work;
   ObjectHit best;
@@ -185,12 +194,14 @@ TEST_CASE("a frame that is divided into parts in any way has the same first hits
   add_shapes(objects.table);
   objects.rows = make_rows(random, 150, 8, {});
   const geometry::ShapeView view = objects.table.view();
+  const RowLists lists(objects.rows);
   FramePart whole;
-  whole.build(objects.rows, count_of(objects.rows), objects.table);
-  std::vector<std::vector<FrameObject>> rows(3);
-  for (const FrameObject& row : objects.rows) rows[random.below(3)].push_back(row);
+  whole.build(lists.view(), objects.table);
+  std::vector<std::vector<TestObject>> rows(3);
+  for (const TestObject& row : objects.rows) rows[random.below(3)].push_back(row);
+  const RowLists of_parts[] = {RowLists(rows[0]), RowLists(rows[1]), RowLists(rows[2])};
   std::vector<FramePart> parts(3);
-  for (std::size_t i = 0; i < 3; ++i) parts[i].build(rows[i], count_of(rows[i]), objects.table);
+  for (std::size_t i = 0; i < 3; ++i) parts[i].build(of_parts[i].view(), objects.table);
   QueryWork work;
   for (int i = 0; i < 50; ++i) {
     const Vec3d start = random.in_cube(10), displacement = random.in_cube(20);
@@ -211,18 +222,19 @@ TEST_CASE("an empty part finds nothing") {
   geometry::ShapeTable table;
   const ShapeNumber ball = table.add(Sphere{1});
   const geometry::ShapeView view = table.view();
+  const RowLists lists(std::vector<TestObject>(5));
   FramePart part;
-  part.build(std::vector<FrameObject>(5), 0, table);
+  part.build(lists.view(), table);
   CHECK(part.size() == 0);
   QueryWork work;
   Searcher searcher;
   for (const std::size_t count : {1u, 100u}) {
-    Lists lists(count);
+    Lists found(count);
     const std::vector<AskedRay> rays(count, {Ray::along({}, {1, 0, 0}), {}});
     const std::vector<AskedShape> balls(count, {{view, ball, {}}, {}, {}});
-    searcher.cast_all(part, {view}, rays, lists, work);
-    searcher.overlap(part, {view}, balls, lists, work);
-    for (const auto& list : lists.of) CHECK(list.empty());
+    searcher.cast_all(part, {view}, rays, found, work);
+    searcher.overlap(part, {view}, balls, found, work);
+    for (const auto& list : found.of) CHECK(list.empty());
   }
   ObjectPoint nearest;
   find_one(part, {view}, {}, 1e9, nearest, work);
@@ -248,11 +260,12 @@ TEST_CASE("an object whose support function fails is left out and counted, and o
   geometry::ShapeTable table;
   const ShapeNumber broken = table.add(SupportShape{std::make_shared<FailingSupport>(fails)});
   const ShapeNumber ball = table.add(Sphere{1});
-  std::vector<FrameObject> rows(2);
+  std::vector<TestObject> rows(2);
   rows[0].shape = broken, rows[0].number = 1, rows[0].pose.position = {5, 0, 0};
   rows[1].shape = ball, rows[1].number = 2, rows[1].pose.position = {9, 0, 0};
+  const RowLists lists(rows);
   FramePart part;
-  part.build(rows, count_of(rows), table);
+  part.build(lists.view(), table);
   const geometry::ShapeView view = table.view();
   const Ray ray = Ray::along({}, {20, 0, 0});
   QueryWork work;

@@ -16,13 +16,13 @@ namespace {
 using queries::QueryTime;
 using queries::SweptFrames;
 
-using Frames = std::vector<std::vector<FrameObject>>;
+using Frames = std::vector<std::vector<TestObject>>;
 
 /// The next frame: objects move, turn, jump, disappear, return, change their shape and what filters read of them, and
 /// others take their slots.
-std::vector<FrameObject> next_frame(const std::vector<FrameObject>& before, Random& random, double step) {
-  std::vector<FrameObject> rows = before;
-  for (FrameObject& row : rows) {
+std::vector<TestObject> next_frame(const std::vector<TestObject>& before, Random& random, double step) {
+  std::vector<TestObject> rows = before;
+  for (TestObject& row : rows) {
     row.jumped = 0;
     if (random.below(4) == 0) continue;
     const Vec3d way = random.in_cube(step);
@@ -56,12 +56,12 @@ std::vector<FrameObject> next_frame(const std::vector<FrameObject>& before, Rand
 }
 
 /// The objects at a time, by the rules of QueryFrame.
-std::vector<FrameObject> rows_at(const Frames& frames, const QueryTime& time) {
-  std::vector<FrameObject> rows = frames[time.frame];
+std::vector<TestObject> rows_at(const Frames& frames, const QueryTime& time) {
+  std::vector<TestObject> rows = frames[time.frame];
   if (time.fraction == 0) return rows;
-  for (FrameObject& row : rows) {
+  for (TestObject& row : rows) {
     if (row.number == 0 || row.slot >= frames[time.frame + 1].size()) continue;
-    const FrameObject& then = frames[time.frame + 1][row.slot];
+    const TestObject& then = frames[time.frame + 1][row.slot];
     const bool moves =
         then.number == row.number && then.generation == row.generation && then.shape == row.shape && then.jumped == 0;
     if (moves) row.pose = queries::interpolate(row.pose, then.pose, time.fraction);
@@ -69,7 +69,18 @@ std::vector<FrameObject> rows_at(const Frames& frames, const QueryTime& time) {
   return rows;
 }
 
-std::vector<SweptFrames::Rows> rows_of(const Frames& frames) { return {frames.begin(), frames.end()}; }
+/// Frames with an index. In most of them, an object has the same row as in the frame before.
+struct Swept {
+  std::vector<RowLists> lists;
+  SweptFrames index;
+
+  Swept(std::uint64_t first, const Frames& frames, const geometry::ShapeTable& table) {
+    for (std::size_t i = 0; i < frames.size(); ++i) lists.emplace_back(frames[i], i / 3);
+    std::vector<queries::FrameRows> views;
+    for (const RowLists& of_frame : lists) views.push_back(of_frame.view());
+    index.build(first, views, table);
+  }
+};
 
 /// Asks random queries at random times, together and in small batches, on every target. Returns the number of hits.
 std::size_t check_times(const geometry::ShapeTable& table, const Frames& frames, Random& random, int queries) {
@@ -82,12 +93,11 @@ std::size_t check_times(const geometry::ShapeTable& table, const Frames& frames,
     add_random(view, rows_at(frames, time), random, 10, {}, batch);
   }
   test::on_every_target([&] {
-    SweptFrames swept;
-    swept.build(40, rows_of(frames), table);
+    const Swept swept(40, frames, table);
     Searcher searcher;
     const std::size_t all = batch.rays.size();
-    check(searcher, swept, view, batch, 0, all);
-    for (std::size_t i = 0; i < all; i += 10) check(searcher, swept, view, batch, i, std::min(i + 10, all));
+    check(searcher, swept.index, view, batch, 0, all);
+    for (std::size_t i = 0; i < all; i += 10) check(searcher, swept.index, view, batch, i, std::min(i + 10, all));
   });
   std::size_t count = 0;
   for (const auto* lists : {&batch.cast, &batch.swept, &batch.overlapped, &batch.near}) {
@@ -124,7 +134,7 @@ TEST_CASE("frames have different numbers of slots, and some have no object") {
   frames[0].clear();
   frames[3].resize(20);
   frames[4].clear();
-  for (FrameObject& row : frames[6]) row.number = 0;
+  for (TestObject& row : frames[6]) row.number = 0;
   frames[8].resize(40);
   CHECK(check_times(table, frames, random, 60) > 20);
   CHECK(check_times(table, Frames(3), random, 10) == 0);
@@ -147,16 +157,15 @@ TEST_CASE("the tip of a rod that turns is found between two frames, where it is 
   const geometry::ShapeView view = table.view();
   for (int i = 0; i < 500; ++i) {
     CAPTURE(i);
-    Frames frames(2, std::vector<FrameObject>(1));
+    Frames frames(2, std::vector<TestObject>(1));
     const Quat from = random.orientation(), to = random.orientation();
     const double turn = random.uniform(0, 1);
     for (std::size_t k = 0; k < 2; ++k) {
-      FrameObject& row = frames[k][0];
+      TestObject& row = frames[k][0];
       row.number = 1, row.generation = 1, row.shape = rod;
       row.pose = k == 0 ? Pose{{}, from} : queries::interpolate({{}, from}, {{1, 0, 0}, to}, turn);
     }
-    SweptFrames swept;
-    swept.build(0, rows_of(frames), table);
+    const Swept swept(0, frames, table);
     const QueryTime time{0, random.uniform(0, 1)};
     const Pose there = queries::interpolate(frames[0][0].pose, frames[1][0].pose, time.fraction);
     const Quat& q = there.orientation;
@@ -164,7 +173,7 @@ TEST_CASE("the tip of a rod that turns is found between two frames, where it is 
     const Vec3d tip = there.position + Vec3d{axes.m[0][1], axes.m[1][1], axes.m[2][1]} * 2.999;
     ObjectHit hit;
     QueryWork work;
-    cast_one(swept, {view, {&time, 1}}, Ray::along(tip, {}), hit, work);
+    cast_one(swept.index, {view, {&time, 1}}, Ray::along(tip, {}), hit, work);
     CHECK(hit.object != nullptr);
   }
 }
@@ -172,9 +181,9 @@ TEST_CASE("the tip of a rod that turns is found between two frames, where it is 
 TEST_CASE("the index covers the frames before the last") {
   const Frames frames(4);
   geometry::ShapeTable table;
-  SweptFrames swept;
-  CHECK(!swept.covers(0));
-  swept.build(21, rows_of(frames), table);
+  CHECK(!SweptFrames().covers(0));
+  const Swept made(21, frames, table);
+  const SweptFrames& swept = made.index;
   CHECK(!swept.covers(20));
   CHECK(swept.covers(21));
   CHECK(swept.covers(23));
@@ -186,17 +195,13 @@ TEST_CASE("the index covers the frames before the last") {
 TEST_CASE("only the boxes of small stays are searched where an object jumps") {
   geometry::ShapeTable table;
   const ShapeNumber ball = table.add(Sphere{1});
-  Frames frames(3, std::vector<FrameObject>(1));
+  Frames frames(3, std::vector<TestObject>(1));
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    FrameObject& row = frames[i][0];
+    TestObject& row = frames[i][0];
     row.number = 1, row.generation = 1, row.shape = ball;
     row.pose.position = {i == 0 ? -50.0 : 50.0, 0, 0};
   }
-  const auto boxes = [&] {
-    SweptFrames swept;
-    swept.build(0, rows_of(frames), table);
-    return swept.tree().size();
-  };
+  const auto boxes = [&] { return Swept(0, frames, table).index.tree().size(); };
   CHECK(boxes() == 1);
   frames[1][0].jumped = 1;
   CHECK(boxes() == 2);

@@ -85,7 +85,7 @@ void AttachedBatches::prepare(nodes::FrameOrder& order) {
   prepared_.clear();
   any_by_snapshot_ = false;
   if (!batches_.empty()) {
-    (void)shapes_.begin(0, 0);
+    shapes_.begin(0, false);
   }
   for (const QueryBatch* batch : batches_) {
     prepare<queries::AskedRay>(QueryKind::cast, batch->cast);

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "base/frame_stamp.hpp"
-#include "base/prefetch.hpp"
+#include "base/stream_lines.hpp"
 #include "nodes/cd_node/region_objects.hpp"
 #include "queries/tree_box.hpp"
 
@@ -15,36 +16,7 @@ using nodes::ObjectTable;
 using nodes::RegionObjects;
 using queries::FrameObject;
 using queries::RecordedFrame;
-
-// Field by field: a copy of the whole row would wait for the stores of its last fields.
-
-/// Records an object whose state is in the server's table.
-void set_row(const ObjectTable& table, std::uint32_t slot, FrameObject& out) noexcept {
-  const nodes::ObjectRow& object = table.row(slot);
-  out.pose = object.pose;
-  out.shape = object.shape;
-  out.number = object.object.number;
-  out.generation = object.object.generation;
-  out.group = table.group(slot);
-  out.slot = slot;
-  out.layer = static_cast<std::uint8_t>(object.layer);
-  out.category = static_cast<std::uint8_t>(object.category);
-  out.jumped = (table.marks(slot) & nodes::jumped_mark) != 0 ? 1 : 0;
-}
-
-/// Records an object that the node which knows it hosts. It has not jumped: then its state would be in the table too.
-void set_row(const RegionObjects& known, std::uint32_t i, std::uint32_t slot, FrameObject& out) noexcept {
-  const narrow_phase::Body& body = known.bodies()[i];
-  out.pose = body.pose;
-  out.shape = body.shape;
-  out.number = body.number;
-  out.generation = body.generation;
-  out.group = known.groups().empty() ? 0 : known.groups()[i];
-  out.slot = slot;
-  out.layer = static_cast<std::uint8_t>(body.layer);
-  out.category = static_cast<std::uint8_t>(body.category);
-  out.jumped = 0;
-}
+using NewRows = RecordedFrame::NewRows;
 
 /// Median of the positions of some present objects; see queries::BoxConverter.
 Vec3d origin_of(const ObjectTable& table) {
@@ -64,161 +36,125 @@ Vec3d origin_of(const ObjectTable& table) {
   return {at[0][size / 2], at[1][size / 2], at[2][size / 2]};
 }
 
-/// Where the row of a slot was recorded from, so that it can be kept while its source has not changed. 0: nowhere yet.
-constexpr std::uint8_t from_nothing = 1, from_table = 2, from_both = 3;
-constexpr std::uint8_t from_host(NodeNumber node) noexcept { return static_cast<std::uint8_t>(4 + node % 252); }
-
-/// Records rows and, if wanted, bounds. What has not changed since the frame that was recorded in the same place is
-/// left as it is.
+/// Records the objects in the order in which they are in memory: those that CD nodes host and know, and then those in
+/// the table. All lists are copied from front to back, many objects at a time.
 class Recorder {
  public:
-  Recorder(const nodes::ServerRole& server, RecordedFrame& frame, bool with_bounds)
-      : server_(server), table_(server.objects()), frame_(frame), with_bounds_(with_bounds), shapes_(server.shapes()) {}
+  Recorder(const nodes::ServerRole& server, RecordedFrame& frame)
+      : server_(server), table_(server.objects()), frame_(frame), shapes_(server.shapes()) {}
 
-  /// Returns the number of objects.
-  std::size_t record(std::uint64_t number) {
-    const std::uint64_t kept = frame_.begin(table_.slots(), number);
-    if (with_bounds_) frame_.begin_bounds(server_.space(), origin_of(table_));
-    keeps_ = kept != RecordedFrame::none;
-    kept_ = base::stamp_of(kept);
-    const std::size_t objects = record_table();
-    if (record_hosts() != in_hosts_) record_received();
-    return objects;
+  void record(std::uint64_t number, bool with_bounds) {
+    frame_.begin(table_.slots(), !table_.groups().empty());
+    if (with_bounds) frame_.begin_bounds(server_.space(), origin_of(table_));
+    server_.each_in_node(
+        [&](const RegionObjects& known, std::size_t first, std::size_t count) { add_known(known, first, count); });
+    const std::size_t in_nodes = frame_.size();
+    const Count count = count_present();
+    if (count.in_nodes != count.all) record_table();
+    if (count.in_nodes != in_nodes) record_missing(base::stamp_of(number));
+    base::finish_streams();
+    frame_.finish(number);
   }
 
  private:
-  static constexpr std::uint32_t ahead = 32;
+  void add_known(const RegionObjects& known, std::size_t first, std::size_t count) {
+    const NewRows rows = frame_.add(count);
+    const std::span<const FrameObject> bodies = known.bodies().subspan(first, count);
+    // Without bounds it is a frame of a history, which is rarely read.
+    if (rows.bounds.empty()) {
+      base::stream_lines(bodies, rows.objects.data());
+    } else {
+      std::copy(bodies.begin(), bodies.end(), rows.objects.begin());
+    }
+    std::copy_n(known.slots().begin() + first, count, rows.slots.begin());
+    const std::span<const std::uint32_t> groups = known.groups();
+    for (std::size_t i = 0; i < rows.groups.size(); ++i) rows.groups[i] = groups.empty() ? 0 : groups[first + i];
+    const std::span<const nodes::ObjectMarks> marks = table_.marks();
+    for (std::size_t i = 0; i < count; ++i) rows.jumped[i] = has_jumped(marks[rows.slots[i]]);
+    if (rows.bounds.empty()) return;
+    std::copy_n(known.changed().begin() + first, count, rows.changed.begin());
+    for (std::size_t i = 0; i < count; ++i) {
+      rows.bounds[i] = {known.bounds()[first + i], margin_of(rows.objects[i])};
+    }
+  }
 
-  /// All slots but those of objects in the memory of a host, whose rows are written only once.
-  std::size_t record_table() {
-    std::size_t objects = 0;
+  /// Numbers of present objects. In most worlds nodes host most of them, so this is all that looks at each slot.
+  struct Count {
+    std::size_t all = 0;
+    std::size_t in_nodes = 0;  ///< that each_in_node() should have visited
+  };
+  Count count_present() const noexcept {
+    const std::span<const std::uint8_t> present = table_.present();
+    const std::span<const messages::Endpoint> hosts = table_.hosts();
+    std::uint32_t all = 0, in_nodes = 0;
+    for (std::size_t slot = 0; slot < present.size(); ++slot) {
+      all += present[slot];
+      in_nodes += present[slot] & static_cast<std::uint32_t>(hosts[slot].is_node());
+    }
+    return {all, server_.reads_hosts() ? in_nodes : 0};
+  }
+  bool is_in_node(std::uint32_t slot) const noexcept { return server_.reads_hosts() && table_.host(slot).is_node(); }
+
+  void record_table() {
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
-      // When a host takes an object, it reports a state, which changes the row in the table.
-      if (is_kept(slot, from_table, table_.changed()[slot])) {
-        ++objects;
-        continue;
-      }
-      prefetch_table(slot + ahead);
-      const bool present = table_.present()[slot] != 0, in_host = server_.is_in_host(slot);
-      objects += present ? 1 : 0;
-      in_hosts_ += present && in_host ? 1 : 0;
-      if (present && in_host) continue;
-      present ? record_row(slot) : clear(slot);
+      if (table_.present()[slot] != 0 && !is_in_node(slot)) add(slot);
     }
-    return objects;
   }
 
-  /// Returns how many objects the hosts have.
-  std::size_t record_hosts() {
-    std::size_t found = 0;
-    server_.each_in_host([&](NodeNumber node, const RegionObjects& known, std::uint32_t i) {
-      const std::uint32_t slot = known.slot(i);
-      if (table_.present()[slot] == 0) return;
-      ++found;
-      if (is_kept(slot, from_host(node), known.changed()[i])) return;
-      frame_.source(slot) = from_host(node);
-      base::prefetch_for_read(&known.bodies()[i]);
-      prefetch_row(slot);
-      to_read_[prefetched_++ % ahead] = {&known, i};
-      if (prefetched_ - read_ == ahead) read_next();
-    });
-    while (read_ != prefetched_) read_next();
-    return found;
-  }
-
-  /// Records the object that was prefetched first.
-  void read_next() {
-    const auto& [known, i] = to_read_[read_++ % ahead];
-    const std::uint32_t slot = known->slot(i);
-    set_row(*known, i, slot, frame_.row(slot));
-    frame_.set_user_data(slot, known->bodies()[i].user_data);
-    if (with_bounds_) set_bounds(slot, known->bounds()[i]);
-  }
-
-  /// Some hosts have only just received objects.
-  void record_received() {
-    keeps_ = false;
+  /// Records the objects that their hosts do not know.
+  void record_missing(base::FrameStamp now) {
+    std::vector<bool> recorded(table_.slots());
+    for (const std::uint32_t slot : frame_.slots()) recorded[slot] = true;
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
-      if (server_.is_in_host(slot)) clear(slot);
-    }
-    (void)record_hosts();
-    for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
-      if (table_.present()[slot] == 0 || frame_.source(slot) != from_nothing) continue;
-      FrameObject& row = frame_.row(slot);
-      frame_.source(slot) = from_both;  // which is_kept() is never asked for
-      set_row(table_, slot, row);
-      row.pose = server_.pose(slot);
-      row.jumped = 0;
-      finish_row(slot);
+      if (table_.present()[slot] == 0 || recorded[slot]) continue;
+      const NewRows row = add(slot);
+      FrameObject& object = row.objects[0];
+      object.pose = server_.pose(slot);
+      if (row.bounds.empty()) continue;
+      row.bounds[0].bounds = shapes_.bounds(object.shape, object.pose, server_.space());
+      row.changed[0] = now;
     }
   }
 
-  bool is_kept(std::uint32_t slot, std::uint8_t source, base::FrameStamp changed) noexcept {
-    return keeps_ && frame_.source(slot) == source && !base::may_have_changed(changed, kept_);
-  }
-
-  void prefetch_table(std::uint32_t slot) const noexcept {
-    if (slot >= table_.slots() || server_.is_in_host(slot) ||
-        (keeps_ && !base::may_have_changed(table_.changed()[slot], kept_))) {
-      return;
-    }
-    base::prefetch_for_read(&table_.row(slot));
-    prefetch_row(slot);
-  }
-
-  void prefetch_row(std::uint32_t slot) const noexcept {
-    if (slot >= table_.slots()) return;
-    frame_.prefetch_row(slot);
-    if (with_bounds_) frame_.prefetch_bounds(slot);
-  }
-
-  void clear(std::uint32_t slot) noexcept {
-    if (keeps_ && frame_.source(slot) == from_nothing) return;
-    frame_.source(slot) = from_nothing;
-    frame_.row(slot).number = 0;
-    if (with_bounds_) frame_.set_bounds(slot, {{}, -1});
-  }
-
-  void record_row(std::uint32_t slot) {
-    frame_.source(slot) = from_table;
-    set_row(table_, slot, frame_.row(slot));
-    finish_row(slot);
-  }
-
-  /// What a row from the table needs beside it.
-  void finish_row(std::uint32_t slot) {
-    frame_.set_user_data(slot, table_.origin(slot).user_data);
-    if (!with_bounds_) return;
-    const FrameObject& row = frame_.row(slot);
+  /// Adds an object as the table has it.
+  NewRows add(std::uint32_t slot) {
+    const nodes::ObjectRow& of = table_.row(slot);
+    const NewRows row = frame_.add(1);
+    FrameObject& object = row.objects[0];
+    object = {of.pose,
+              of.shape,
+              of.object.number,
+              of.object.generation,
+              of.layer,
+              of.category,
+              table_.origin(slot).user_data};
+    row.slots[0] = slot;
+    row.jumped[0] = has_jumped(table_.marks(slot));
+    if (!row.groups.empty()) row.groups[0] = table_.group(slot);
+    if (row.bounds.empty()) return row;
     const bool known = server_.has_bounds() && !server_.is_in_host(slot);
-    set_bounds(slot, known ? table_.bounds()[slot] : shapes_.bounds(row.shape, row.pose, server_.space()));
+    row.bounds[0] = {known ? table_.bounds()[slot] : shapes_.bounds(object.shape, object.pose, server_.space()),
+                     margin_of(object)};
+    row.changed[0] = table_.changed()[slot];
+    return row;
   }
 
-  void set_bounds(std::uint32_t slot, const geometry::Bounds& bounds) noexcept {
-    frame_.set_bounds(slot, {bounds, queries::margin_of(shapes_.row(frame_.row(slot).shape))});
+  /// A host-owned object has not jumped: then it would not be host-owned.
+  static std::uint8_t has_jumped(nodes::ObjectMarks marks) noexcept {
+    return (marks & (nodes::host_owned_mark | nodes::jumped_mark)) == nodes::jumped_mark ? 1 : 0;
   }
+  float margin_of(const FrameObject& object) const noexcept { return queries::margin_of(shapes_.row(object.shape)); }
 
   const nodes::ServerRole& server_;
   const ObjectTable& table_;
   RecordedFrame& frame_;
-  bool with_bounds_;
   const geometry::ShapeTable& shapes_;
-  bool keeps_ = false;         ///< rows of an earlier frame are there
-  base::FrameStamp kept_ = 0;  ///< that frame
-  std::size_t in_hosts_ = 0;   ///< objects that are still to be recorded
-  struct InHost {
-    const RegionObjects* known;
-    std::uint32_t i;
-  };
-  std::array<InHost, ahead> to_read_;      ///< objects that are prefetched, in turn
-  std::size_t prefetched_ = 0, read_ = 0;  ///< number of objects
 };
 
 }  // namespace
 
 void record_frame(const nodes::ServerRole& server, std::uint64_t number, bool with_bounds, RecordedFrame& frame) {
-  const std::size_t objects = Recorder(server, frame, with_bounds).record(number);
-  frame.finish(number, objects);
+  Recorder(server, frame).record(number, with_bounds);
 }
 
 }  // namespace ringfence::facade

@@ -7,6 +7,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/floating_point.hpp"
+#include "base/prefetch.hpp"
 #include "facade/queries/query_target.hpp"
 #include "nodes/host/query_arguments.hpp"
 #include "queries/hits.hpp"
@@ -21,17 +22,16 @@ using queries::AskedRay;
 using queries::AskedShape;
 using queries::ObjectHit;
 using queries::ObjectPoint;
-using queries::RecordedFrame;
 using queries::Searcher;
 
 using queries::set;
-void set(AnyHit& hit, const RecordedFrame&, bool found) noexcept { hit.hit = found; }
+void set(AnyHit& hit, bool found) noexcept { hit.hit = found; }
 
 template <class Found>
-void prefetch(const RecordedFrame& frame, const Found& found) noexcept {
-  if (found.object != nullptr) frame.prefetch_user_data(found.object->slot);
+void prefetch(const Found& found) noexcept {
+  base::prefetch_for_read(found.object);
 }
-void prefetch(const RecordedFrame&, bool) noexcept {}
+void prefetch(bool) noexcept {}
 
 /// A hit in the list of a query.
 struct ListOrder {
@@ -46,13 +46,11 @@ struct ListOrder {
 
 /// The queries of a block that are answered together.
 struct Block {
-  std::vector<std::uint32_t> numbers;        ///< in the caller's batch
-  std::vector<const RecordedFrame*> frames;  ///< that they ask about
-  std::vector<queries::QueryTime> times;     ///< of those that SweptFrames answer
+  std::vector<std::uint32_t> numbers;     ///< in the caller's batch
+  std::vector<queries::QueryTime> times;  ///< of those that SweptFrames answer
 
   void clear() {
     numbers.clear();
-    frames.clear();
     times.clear();
   }
 };
@@ -64,14 +62,13 @@ class HitListSink final : public queries::ListSink {
       : block_(block), order_(order), lists_(lists) {}
 
   void add(std::uint32_t query, std::span<const ObjectHit> hits) override {
-    const RecordedFrame& frame = *block_.frames[query];
     order_.clear();
     for (std::uint32_t i = 0; i < hits.size(); ++i) {
       order_.push_back({hits[i].hit.fraction, hits[i].object->number, i});
-      frame.prefetch_user_data(hits[i].object->slot);
+      base::prefetch_for_read(hits[i].object);
     }
     std::sort(order_.begin(), order_.end());
-    for (const ListOrder& next : order_) set(lists_.add(block_.numbers[query]), frame, hits[next.index]);
+    for (const ListOrder& next : order_) set(lists_.add(block_.numbers[query]), hits[next.index]);
   }
 
  private:
@@ -150,7 +147,6 @@ void for_each_block(const PinnedFrames* frames, std::span<const Query> queries, 
     }
     space.asked.push_back(asked);
     space.block.numbers.push_back(static_cast<std::uint32_t>(i));
-    space.block.frames.push_back(target.frame);
     space.block.times.push_back(target.time);
   }
   finish();
@@ -170,11 +166,11 @@ void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std
     std::fill(found.begin(), found.end(), Found());
     search(part, moment, std::span<const Asked>(space.asked), std::span<Found>(found.data(), found.size()), done);
     const Block& block = space.block;
-    for (std::size_t i = 0; i < found.size(); ++i) prefetch(*block.frames[i], found[i]);
+    for (std::size_t i = 0; i < found.size(); ++i) prefetch(found[i]);
     for (std::size_t i = 0; i < found.size(); ++i) {
       Answer& answer = answers[block.numbers[i]];
       answer = {};
-      set(answer, *block.frames[i], found[i]);
+      set(answer, found[i]);
     }
   };
   for_each_block(frames, queries, space, answer_block, [&](std::size_t query, Status status) {

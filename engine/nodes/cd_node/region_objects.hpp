@@ -112,6 +112,7 @@ class RegionObjects {
 
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
+  std::span<const std::uint32_t> slots() const noexcept { return slots_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
   /// The last frame in which each index got its object, or set() or set_filter() was called for it.
   std::span<const base::FrameStamp> changed() const noexcept { return changed_; }

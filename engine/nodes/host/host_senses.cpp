@@ -22,13 +22,12 @@ namespace {
 /// Writes the list of a query.
 class HitList final : public queries::ListSink {
  public:
-  HitList(const queries::RecordedFrame& frame, std::vector<Hit>& list) noexcept : frame_(frame), list_(list) {}
+  explicit HitList(std::vector<Hit>& list) noexcept : list_(list) {}
   void add(std::uint32_t, std::span<const ObjectHit> hits) override {
-    for (const ObjectHit& hit : hits) queries::set(list_.emplace_back(), frame_, hit);
+    for (const ObjectHit& hit : hits) queries::set(list_.emplace_back(), hit);
   }
 
  private:
-  const queries::RecordedFrame& frame_;
   std::vector<Hit>& list_;
 };
 
@@ -83,7 +82,7 @@ Hit HostSenses::Around::first(const Query& query, Search search) const noexcept 
   QueryWork work;
   (senses_->searcher_.*search)(frame.standing(), FrameMoment{frame.shapes()}, std::span<const Asked>(&asked, 1),
                                std::span<Found>(&found, 1), work);
-  queries::set(hit, frame, found);
+  queries::set(hit, found);
   return hit;
 } catch (const std::bad_alloc&) {
   Hit hit;
@@ -123,7 +122,7 @@ SensedHits HostSenses::Around::overlap(const OverlapQuery& query) const noexcept
   const queries::RecordedFrame& frame = *senses_->frame_;
   std::vector<Hit>& list = senses_->list_;
   list.clear();
-  HitList sink(frame, list);
+  HitList sink(list);
   QueryWork work;
   senses_->searcher_.overlap(frame.standing(), FrameMoment{frame.shapes()}, {&asked, 1}, sink, work);
   std::sort(list.begin(), list.end(), [](const Hit& p, const Hit& q) { return p.object.number() < q.object.number(); });

@@ -74,12 +74,13 @@ class ServerRole {
   bool has_bounds() const noexcept { return !states_.has_stale_bounds(); }
   /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept { return states_.pose(slot); }
-  /// Whether the pose of an object is not in the table. Then it is in each_in_host(), or only pose() has it.
+  /// Whether the pose of an object is not in the table.
   bool is_in_host(std::uint32_t slot) const noexcept { return states_.is_in_host(slot); }
-  /// As ObjectStates::each_in_host().
+  // As those of ObjectStates.
+  bool reads_hosts() const noexcept { return states_.reads_hosts(); }
   template <class Visit>
-  void each_in_host(Visit visit) const {
-    states_.each_in_host(visit);
+  void each_in_node(Visit visit) const {
+    states_.each_in_node(visit);
   }
   /// The model's state of the same: ObjectTable::state_bytes() bytes, valid until the next frame.
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.state(slot); }

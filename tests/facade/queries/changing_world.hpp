@@ -14,7 +14,7 @@
 
 #include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
-#include "queries/frame_object.hpp"
+#include "queries/interpolate.hpp"
 #include "ringfence/world.hpp"
 
 // Worlds with a history, for tests of queries about it.

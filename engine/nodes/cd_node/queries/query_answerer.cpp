@@ -13,41 +13,37 @@ void QueryAnswerer::begin() {
   messages::NodeFrameStats& stats = state_.stats;
   stats.query_ns = stats.query_boxes = stats.query_tests = stats.query_failed_supports = 0;
   SpanTimer time(state_.setup.track, "queries", stats.query_ns);
-  resize(state_.objects.size());
+  copy_objects();
   list_owned();
-  set_origin();
-  kept_frame_ = none;
-  part_.build_again(rows_.span(), owned_, *state_.setup.shapes, {bounds_.span(), &*box_of_, changed_});
-  kept_frame_ = state_.frame;
+  const queries::KnownBounds known = known_bounds();
+  built_frame_ = none;
+  part_.build_again({rows_, row_of_, owned_, groups_}, *state_.setup.shapes, known);
+  built_frame_ = state_.frame;
   state_.contacts.queries.hits.clear();
   next_ = 0;
   pending_ = true;
 }
 
-void QueryAnswerer::resize(std::size_t objects) {
-  is_kept_ = kept_frame_ != none && state_.frame - kept_frame_ <= base::max_stamp_age;
-  if (!is_kept_) is_owned_.clear();
-  rows_.resize(objects);
-  bounds_.resize(state_.objects.bounds().size());
-  is_owned_.resize(objects);
-  changed_.assign(objects, is_kept_ ? std::uint8_t{0} : std::uint8_t{1});
+void QueryAnswerer::copy_objects() {
+  const RegionObjects& objects = state_.objects;
+  rows_.assign(objects.bodies().begin(), objects.bodies().end());
+  slots_.assign(objects.slots().begin(), objects.slots().end());
+  groups_.assign(objects.groups().begin(), objects.groups().end());
+  bounds_.resize(objects.bounds().size());
+  for (std::size_t i = 0; i < bounds_.size(); ++i) {
+    bounds_[i] = {objects.bounds()[i], queries::margin_of(state_.setup.shapes->row(rows_[i].shape))};
+  }
 }
 
 void QueryAnswerer::list_owned() {
   const RegionObjects& objects = state_.objects;
   const bool alone = state_.region.map().sole_owner() == state_.setup.node;
-  // In that frame, objects may have changed after its queries.
-  const base::FrameStamp kept = base::stamp_of(kept_frame_ - 1);
   owned_ = 0;
+  row_of_.assign(objects.size(), queries::FrameRows::none);
   at_border_.clear();
   for (std::uint32_t i = 0; i < objects.size(); ++i) {
-    if (is_kept_ && !base::may_have_changed(objects.changed()[i], kept)) {
-      owned_ += is_owned_[i];
-      continue;
-    }
-    clear(i);
     if (alone || objects.inner(i)) {
-      add(i);
+      own(i);
     } else {
       at_border_.push_back(i);
     }
@@ -76,47 +72,26 @@ void QueryAnswerer::add_at_border() {
     }
     for (std::size_t i = 0; i < count; ++i) {
       if (state_.region.map().pair_owner(bounds[i], bounds[i]) == state_.setup.node) {
-        add(at_border_[first + i]);
+        own(at_border_[first + i]);
       }
     }
   }
 }
 
-void QueryAnswerer::clear(std::uint32_t known) {
-  rows_[known].number = 0;
-  is_owned_[known] = 0;
-  changed_[known] = 1;
-  if (!bounds_.empty()) bounds_[known].margin = -1;
-}
-
-void QueryAnswerer::add(std::uint32_t known) {
-  const RegionObjects& objects = state_.objects;
-  const narrow_phase::Body& body = objects.bodies()[known];
-  const std::uint32_t group = objects.groups().empty() ? 0 : objects.groups()[known];
-  rows_[known] = {body.pose,
-                  body.shape,
-                  body.number,
-                  body.generation,
-                  group,
-                  objects.slot(known),
-                  static_cast<std::uint8_t>(body.layer),
-                  static_cast<std::uint8_t>(body.category),
-                  0};
-  is_owned_[known] = 1;
-  ++owned_;
-  if (!bounds_.empty()) {
-    bounds_[known] = {objects.bounds()[known], queries::margin_of(state_.setup.shapes->row(body.shape))};
+queries::KnownBounds QueryAnswerer::known_bounds() {
+  if (bounds_.empty()) return {};
+  // Boxes are most precise near the origin: it is a place among the objects.
+  const Vec3d& place = rows_[0].pose.position;
+  if (!box_of_ || !queries::is_near_origin(*box_of_, place)) {
+    box_of_.emplace(*state_.setup.space, place);
+    built_frame_ = none;
   }
-}
-
-/// Boxes are most precise near the origin: it is a place among the objects.
-void QueryAnswerer::set_origin() {
-  const auto owned = std::find(is_owned_.begin(), is_owned_.end(), 1);
-  const bool any = owned != is_owned_.end();
-  const Vec3d place = any ? rows_[static_cast<std::size_t>(owned - is_owned_.begin())].pose.position : Vec3d{};
-  if (box_of_ && (!any || queries::is_near_origin(*box_of_, place))) return;
-  box_of_.emplace(*state_.setup.space, place);
-  std::fill(changed_.begin(), changed_.end(), std::uint8_t{1});
+  queries::KnownBounds known{bounds_.span(), &*box_of_, state_.objects.changed(), {}};
+  // In the frame before, objects may have changed after its queries.
+  if (built_frame_ != none && state_.frame - built_frame_ <= base::max_stamp_age) {
+    known.built = base::stamp_of(built_frame_ - 1);
+  }
+  return known;
 }
 
 void QueryAnswerer::answer_some() {
@@ -126,7 +101,7 @@ void QueryAnswerer::answer_some() {
   const geometry::ShapeView shapes = state_.setup.shapes->view();
   const std::size_t end = std::min(next_ + queries_at_once, shared.queries.size());
   QueryWork work;
-  answers_.add(part_, shapes, shared.queries, next_, end, shared.hits, work);
+  answers_.add(part_, slots_, shapes, shared.queries, next_, end, shared.hits, work);
   next_ = end;
   stats.query_boxes += work.boxes;
   stats.query_tests += work.tests;

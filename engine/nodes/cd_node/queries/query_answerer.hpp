@@ -36,29 +36,31 @@ class QueryAnswerer {
   /// The frame is detected again: discards the answers.
   void discard() noexcept {
     pending_ = false;
-    kept_frame_ = none;
+    built_frame_ = none;
   }
 
  private:
   static constexpr std::size_t queries_at_once = 1024;
   static constexpr std::uint64_t none = ~std::uint64_t{0};
 
-  void resize(std::size_t objects);
+  void copy_objects();
   void list_owned();
   void add_at_border();
-  void clear(std::uint32_t known);
-  void add(std::uint32_t known);
-  void set_origin();
+  void own(std::uint32_t known) noexcept {
+    row_of_[known] = known;
+    ++owned_;
+  }
+  queries::KnownBounds known_bounds();
 
   NodeState& state_;
-  base::FlatList<queries::FrameObject> rows_;  ///< by index in RegionObjects; number 0 if the node does not own it
-  base::FlatList<queries::RowBounds> bounds_;  ///< the same; empty if the node has no bounds
-  std::vector<std::uint8_t> is_owned_;         ///< the same: whether the row has an object
-  std::vector<std::uint8_t> changed_;          ///< the same: whether the row was set for this index
-  std::uint64_t kept_frame_ = none;            ///< the frame of rows and index, or none
-  bool is_kept_ = false;                       ///< what has not changed since then is left as it is
+  // Copies of the lists of RegionObjects, with its indices, which are the keys in the index.
+  std::vector<queries::FrameObject> rows_;
+  std::vector<std::uint32_t> slots_, groups_;
+  std::vector<std::uint32_t> row_of_;          ///< the index itself, or none if the node does not own the object
+  base::FlatList<queries::RowBounds> bounds_;  ///< empty if the node has no bounds
+  std::size_t owned_ = 0;
+  std::uint64_t built_frame_ = none;  ///< that part_ was built for, with box_of_
   std::optional<queries::BoxConverter> box_of_;
-  std::size_t owned_ = 0;                 ///< rows with an object
   std::vector<std::uint32_t> at_border_;  ///< known objects that may belong to another node
   queries::FramePart part_;               ///< refers to rows_
   QueryAnswers answers_;

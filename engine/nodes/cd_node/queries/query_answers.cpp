@@ -14,40 +14,48 @@ QueryFilter filter_of(const QueryRecord& record) noexcept {
           ObjectId::of(record.except_number, record.except_generation)};
 }
 
-QueryHitRecord record_of(std::uint32_t query, const queries::ObjectHit& found) noexcept {
-  const narrow_phase::ShapeHit& hit = found.hit;
-  return {query, found.object->slot, hit.child, hit.triangle, hit.fraction, hit.point, hit.normal};
+QueryHitRecord record_of(std::uint32_t query, std::uint32_t slot, const narrow_phase::ShapeHit& hit) noexcept {
+  return {query, slot, hit.child, hit.triangle, hit.fraction, hit.point, hit.normal};
 }
 
-QueryHitRecord record_of(std::uint32_t query, const queries::ObjectPoint& found) noexcept {
-  const narrow_phase::NearestPoint& nearest = found.nearest;
-  return {query, found.object->slot, nearest.child, nearest.triangle, nearest.distance, nearest.point, {}};
+QueryHitRecord record_of(std::uint32_t query, std::uint32_t slot, const narrow_phase::NearestPoint& nearest) noexcept {
+  return {query, slot, nearest.child, nearest.triangle, nearest.distance, nearest.point, {}};
 }
 
 queries::AskedRay ray_of(const QueryRecord& record) noexcept {
   return {narrow_phase::Ray::along(record.start.position, record.displacement), filter_of(record)};
 }
 
+/// The slots of objects of a part.
+struct SlotOf {
+  const queries::FramePart& part;
+  std::span<const std::uint32_t> slots;  ///< by row
+
+  std::uint32_t operator()(const queries::FrameObject& object) const noexcept { return slots[part.row(object)]; }
+};
+
 /// Appends the lists of a batch as records; `first` is the number of its first query.
 class RecordSink final : public queries::ListSink {
  public:
-  RecordSink(std::uint32_t first, std::vector<QueryHitRecord>& hits) : first_(first), hits_(hits) {}
+  RecordSink(const SlotOf& slot_of, std::uint32_t first, std::vector<QueryHitRecord>& hits)
+      : slot_of_(slot_of), first_(first), hits_(hits) {}
   void add(std::uint32_t query, std::span<const queries::ObjectHit> found) override {
     for (const queries::ObjectHit& hit : found) {
-      hits_.push_back(record_of(first_ + query, hit));
+      hits_.push_back(record_of(first_ + query, slot_of_(*hit.object), hit.hit));
     }
   }
 
  private:
+  const SlotOf& slot_of_;
   std::uint32_t first_;
   std::vector<QueryHitRecord>& hits_;
 };
 
 }  // namespace
 
-void QueryAnswers::add(const queries::FramePart& part, const geometry::ShapeView& shapes,
-                       std::span<const QueryRecord> records, std::size_t first, std::size_t end,
-                       std::vector<QueryHitRecord>& hits, QueryWork& work) {
+void QueryAnswers::add(const queries::FramePart& part, std::span<const std::uint32_t> slots,
+                       const geometry::ShapeView& shapes, std::span<const QueryRecord> records, std::size_t first,
+                       std::size_t end, std::vector<QueryHitRecord>& hits, QueryWork& work) {
   const queries::FrameMoment moment{shapes};
   while (first != end) {
     const std::uint32_t kind = records[first].kind;
@@ -55,21 +63,22 @@ void QueryAnswers::add(const queries::FramePart& part, const geometry::ShapeView
     while (last != end && records[last].kind == kind) {
       ++last;
     }
-    add_kind(part, moment, static_cast<QueryKind>(kind), records.subspan(first, last - first),
+    add_kind(part, slots, moment, static_cast<QueryKind>(kind), records.subspan(first, last - first),
              static_cast<std::uint32_t>(first), hits, work);
     first = last;
   }
 }
 
-void QueryAnswers::add_kind(const queries::FramePart& part, const queries::FrameMoment& moment, QueryKind kind,
-                            std::span<const QueryRecord> records, std::uint32_t first,
-                            std::vector<QueryHitRecord>& hits, QueryWork& work) {
+void QueryAnswers::add_kind(const queries::FramePart& part, std::span<const std::uint32_t> slots,
+                            const queries::FrameMoment& moment, QueryKind kind, std::span<const QueryRecord> records,
+                            std::uint32_t first, std::vector<QueryHitRecord>& hits, QueryWork& work) {
   const bool of_ray = kind == QueryKind::cast || kind == QueryKind::cast_any || kind == QueryKind::cast_all;
   const bool of_point = kind == QueryKind::nearest;
   rays_.clear();
   shapes_.clear();
   points_.clear();
-  RecordSink listed(first, hits);
+  const SlotOf slot_of{part, slots};
+  RecordSink listed(slot_of, first, hits);
   for (const QueryRecord& record : records) {
     const Vec3d& start = record.start.position;
     if (of_ray) {
@@ -113,14 +122,14 @@ void QueryAnswers::add_kind(const queries::FramePart& part, const queries::Frame
       searcher_.nearest(part, moment, points_, nearest_, work);
       for (std::uint32_t i = 0; i < records.size(); ++i) {
         if (nearest_[i].object != nullptr) {
-          hits.push_back(record_of(first + i, nearest_[i]));
+          hits.push_back(record_of(first + i, slot_of(*nearest_[i].object), nearest_[i].nearest));
         }
       }
       break;
   }
   for (std::uint32_t i = 0; i < best_.size(); ++i) {
     if (best_[i].object != nullptr) {
-      hits.push_back(record_of(first + i, best_[i]));
+      hits.push_back(record_of(first + i, slot_of(*best_[i].object), best_[i].hit));
     }
   }
 }

@@ -18,13 +18,15 @@ namespace ringfence::nodes {
 class QueryAnswers {
  public:
   /// Appends what the queries `records[first]` to `records[end - 1]` find in `part`, lists in any order.
-  /// `FrameObject::slot` is the slot of an object. Precondition: the records are valid, and `shapes` has their shapes.
-  void add(const queries::FramePart& part, const geometry::ShapeView& shapes,
+  /// `slots`: those of the objects by row of the part. Precondition: the records are valid, and `shapes` has their
+  /// shapes.
+  void add(const queries::FramePart& part, std::span<const std::uint32_t> slots, const geometry::ShapeView& shapes,
            std::span<const messages::QueryRecord> records, std::size_t first, std::size_t end,
            std::vector<messages::QueryHitRecord>& hits, QueryWork& work);
 
  private:
-  void add_kind(const queries::FramePart& part, const queries::FrameMoment& moment, messages::QueryKind kind,
+  void add_kind(const queries::FramePart& part, std::span<const std::uint32_t> slots,
+                const queries::FrameMoment& moment, messages::QueryKind kind,
                 std::span<const messages::QueryRecord> records, std::uint32_t first,
                 std::vector<messages::QueryHitRecord>& hits, QueryWork& work);
 

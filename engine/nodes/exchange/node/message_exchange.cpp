@@ -39,21 +39,22 @@ void MessageExchange::receive_sensed(const messages::MessageView& message) {
     std::shared_ptr<const geometry::ShapeTable> shapes(std::shared_ptr<void>(), state_.setup.shapes);
     frame_before_ = std::make_unique<queries::RecordedFrame>(std::move(shapes), std::make_shared<queries::LastOrder>());
   }
-  (void)frame_before_->begin(sensed_.size(), message.header().frame - 1);
-  for (std::uint32_t slot = 0; slot < sensed_.size(); ++slot) {
-    const messages::SensedRecord& object = sensed_[slot];
-    frame_before_->row(slot) = {object.pose,
-                                object.shape,
-                                object.number,
-                                object.generation,
-                                object.group,
-                                slot,
-                                static_cast<std::uint8_t>(object.layer),
-                                static_cast<std::uint8_t>(object.category),
-                                0};
-    frame_before_->set_user_data(slot, object.user_data);
+  frame_before_->begin(sensed_.size(), true);
+  const queries::RecordedFrame::NewRows rows = frame_before_->add(sensed_.size());
+  for (std::uint32_t i = 0; i < sensed_.size(); ++i) {
+    const messages::SensedRecord& object = sensed_[i];
+    rows.objects[i] = {object.pose,
+                       object.shape,
+                       object.number,
+                       object.generation,
+                       static_cast<std::uint16_t>(object.layer),
+                       static_cast<std::uint16_t>(object.category),
+                       object.user_data};
+    rows.slots[i] = i;
+    rows.groups[i] = object.group;
+    rows.jumped[i] = 0;
   }
-  frame_before_->finish(message.header().frame - 1, sensed_.size());
+  frame_before_->finish(message.header().frame - 1);
   sensed_frame_ = message.header().frame;
 }
 

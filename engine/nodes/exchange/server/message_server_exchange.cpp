@@ -50,8 +50,7 @@ void MessageServerExchange::begin_senses() {
     std::vector<std::uint32_t>& sensed = node.opening.sensed;
     sensed.clear();
     for (std::uint32_t row = 0; row < rows.size(); ++row) {
-      if (rows[row].number != 0 &&
-          sensed_.reaches(node.self.number(), rows[row].pose.position,
+      if (sensed_.reaches(node.self.number(), rows[row].pose.position,
                           frame->shapes().row(rows[row].shape).bounding_radius, state_.setup.sense)) {
         sensed.push_back(row);
       }
@@ -67,16 +66,11 @@ void MessageServerExchange::begin_senses() {
 bool MessageServerExchange::send_sensed(PeerSession& node) {
   return state_.send(node, node.opening.sensed_run, MessageType::sensed, [&](std::size_t i) {
     const queries::RecordedFrame& frame = *state_.setup.publications->sensed;
-    const queries::FrameObject& object = frame.rows()[node.opening.sensed[i]];
-    return messages::SensedRecord{object.pose,
-                                  frame.user_data(object.slot),
-                                  object.number,
-                                  object.generation,
-                                  object.shape,
-                                  object.group,
-                                  object.layer,
-                                  object.category,
-                                  0};
+    const std::uint32_t row = node.opening.sensed[i];
+    const queries::FrameObject& object = frame.rows()[row];
+    return messages::SensedRecord{object.pose,       object.user_data, object.number,
+                                  object.generation, object.shape,     frame.group(row),
+                                  object.layer,      object.category,  0};
   });
 }
 

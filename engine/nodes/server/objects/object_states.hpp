@@ -26,10 +26,14 @@ class ObjectStates {
   bool is_in_host(std::uint32_t slot) const noexcept {
     return exchange_.reads_nodes() && (state_.objects.marks(slot) & host_owned_mark) != 0;
   }
-  /// Calls visit(node, objects, i) for objects of which that is true: object i of the RegionObjects of a node. Between
-  /// frames. An object that its host has only just received may be left out.
+  /// Whether CD nodes of this process have the states of all objects that they host.
+  bool reads_hosts() const noexcept { return exchange_.reads_nodes() && state_.hosts_send_ghosts(); }
+  /// If reads_hosts(): calls visit(objects, first, count) for the present objects that CD nodes host and know: objects
+  /// `first` to `first + count - 1` of a node's RegionObjects, which has their states also if the table has them too.
+  /// Between frames. Objects are left out if their host has only just received them, or if their bounds are outside its
+  /// region.
   template <class Visit>
-  void each_in_host(Visit visit) const;
+  void each_in_node(Visit visit) const;
   /// The model's state of the same object.
   const std::byte* state(std::uint32_t slot) const noexcept;
   /// Whether the table needs no states of objects that CD nodes host: the server reads those of the nodes, and no node
@@ -80,21 +84,29 @@ class ObjectStates {
 };
 
 template <class Visit>
-void ObjectStates::each_in_host(Visit visit) const {
-  if (!exchange_.reads_nodes()) {
+void ObjectStates::each_in_node(Visit visit) const {
+  if (!reads_hosts()) {
     return;
   }
+  const std::span<const messages::Endpoint> hosts = state_.objects.hosts();
+  const std::span<const ObjectNumber> numbers = state_.objects.numbers();
+  const std::span<const std::uint8_t> present = state_.objects.present();
   for (const PeerSession& node : state_.nodes) {
     if (!node.is_active()) {
       continue;
     }
     const RegionObjects& known = ServerExchange::known_by(node);
-    for (std::uint32_t i = 0; i < known.size(); ++i) {
-      const std::uint32_t slot = known.slot(i);
-      if (slot < state_.objects.slots() && (state_.objects.marks(slot) & host_owned_mark) != 0 &&
-          state_.objects.host(slot) == node.self && state_.objects.numbers()[slot] == known.numbers()[i]) {
-        visit(node.self.number(), known, i);
-      }
+    const std::span<const std::uint32_t> known_slots = known.slots();
+    const std::span<const ObjectNumber> known_numbers = known.numbers();
+    const auto is_hosted = [&](std::size_t i) {
+      const std::uint32_t slot = known_slots[i];
+      return slot < hosts.size() && hosts[slot] == node.self && numbers[slot] == known_numbers[i] && present[slot] != 0;
+    };
+    for (std::size_t end = 0; end < known_slots.size();) {
+      std::size_t first = end;
+      while (first < known_slots.size() && !is_hosted(first)) ++first;
+      for (end = first; end < known_slots.size() && is_hosted(end);) ++end;
+      if (first != end) visit(known, first, end - first);
     }
   }
 }

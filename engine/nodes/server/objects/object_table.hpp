@@ -88,6 +88,7 @@ class ObjectTable {
   /// ObjectMark bits; the table itself maintains alive_mark and moved_mark.
   ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
   ObjectMarks marks(std::uint32_t slot) const noexcept { return marks_[slot]; }
+  std::span<const ObjectMarks> marks() const noexcept { return marks_; }
   /// Sets or clears jumped_mark.
   void set_jumped(std::uint32_t slot, bool jumped) noexcept {
     marks_[slot] = static_cast<ObjectMarks>((marks_[slot] & ~jumped_mark) | (jumped ? jumped_mark : 0));

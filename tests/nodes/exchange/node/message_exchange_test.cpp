@@ -108,7 +108,7 @@ TEST_CASE("objects that models may sense arrive in parts, belong to the frame be
     CHECK(object.pose.position.x == 30);
     CHECK(object.layer == 3);
     CHECK(object.category == static_cast<std::uint8_t>(Category::fixed));
-    CHECK(frame->user_data(object.slot) == 109);
+    CHECK(object.user_data == 109);
   }
   ++state.frame;
   exchange.begin();

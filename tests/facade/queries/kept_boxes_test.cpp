@@ -87,7 +87,7 @@ WorldConfig resting_world() {
   return config;
 }
 
-TEST_CASE("a snapshot is right when most rows are kept, while objects rest, change, come, go and change hosts") {
+TEST_CASE("a snapshot is right when most boxes are kept, while objects rest, change, come, go and change hosts") {
   in_all_worlds(resting_world(), {0u, 1u, 4u}, [](const WorldConfig& config) {
     for (const unsigned seed : {1u, 2u}) {
       run(config, seed, [&](World& world, int frame) {
@@ -98,7 +98,7 @@ TEST_CASE("a snapshot is right when most rows are kept, while objects rest, chan
   });
 }
 
-TEST_CASE("frames of a history are right when most rows are kept") {
+TEST_CASE("frames of a history are right when most boxes are kept") {
   WorldConfig base = resting_world();
   base.history = 19;
   in_all_worlds(base, {0u, 3u}, [](const WorldConfig& config) {
