@@ -189,11 +189,8 @@ void BlockSearch::test_nearest_first(const Part& part, const FrameMoment& moment
                                      std::size_t first, float begin, QueryWork& work, const Test& test) {
   open_.clear();
   for (std::uint32_t i = 0; i < unanswered_.size(); ++i) {
-    reached_.sort(i);
-    std::uint32_t next = reached_.begin(i);
-    const std::uint32_t end = reached_.end(i);
     // What is reached before the begin was tested in the step before.
-    while (begin > 0 && next != end && reached_[next].at <= begin) ++next;
+    const std::uint32_t next = reached_.start(i, begin), end = reached_.end(i);
     if (next == end) continue;
     unanswered_[i].next = next;
     unanswered_[i].end = end;
@@ -215,7 +212,8 @@ void BlockSearch::test_nearest_first(const Part& part, const FrameMoment& moment
       };
       query.limit = test_object(part, moment, first + query.number, reached_[query.next].box,
                                 asked[query.number].filter, query.limit, work, test_one);
-      const bool goes_on = ++query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
+      reached_.bring_nearest(++query.next, query.end);
+      const bool goes_on = query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
       open_[left] = open_[i];
       left += goes_on ? 1 : 0;
     }

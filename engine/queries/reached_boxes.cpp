@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <new>
+#include <utility>
 
 namespace ringfence::queries {
 
@@ -14,8 +15,8 @@ bool ReachedBoxes::reserve(std::size_t queries) noexcept try {
   candidate_queries_.resize(room);
   candidate_boxes_.resize(room);
   candidate_at_.resize(room);
+  sorted_.reserve_rarely_used(room);
   ends_.resize(queries);
-  boxes_.resize(room);
   return true;
 } catch (const std::bad_alloc&) {
   return false;
@@ -26,29 +27,52 @@ bool ReachedBoxes::find(BatchSearch search, const BoxTree& tree, std::size_t que
   Candidates found{candidate_queries_.data(), candidate_boxes_.data(), candidate_at_.data(), 0, candidate_at_.size()};
   const StreamMemory memory{inner_queries_.data(), inner_groups_.data()};
   if (!search(tree, {reaches_.data(), queries}, memory, found, compared)) return false;
-  std::size_t query = 0;
-  for (std::uint32_t i = 0; i < found.size; ++i) {
-    boxes_[i] = {found.boxes[i], found.at[i]};
-    while (query < found.queries[i]) ends_[query++] = i;
-  }
-  while (query < queries) ends_[query++] = static_cast<std::uint32_t>(found.size);
+  // Without a branch: how many boxes a query reaches cannot be predicted.
+  std::fill(ends_.begin(), ends_.begin() + queries, 0);
+  for (std::uint32_t i = 0; i < found.size; ++i) ends_[found.queries[i]] = i + 1;
+  for (std::size_t i = 1; i < queries; ++i) ends_[i] = std::max(ends_[i], ends_[i - 1]);
   return true;
 }
 
-void ReachedBoxes::sort(std::size_t query) noexcept {
-  ReachedBox* const first = boxes_.begin() + begin(query);
-  ReachedBox* const last = boxes_.begin() + end(query);
-  constexpr std::ptrdiff_t few = 16;
+std::uint32_t ReachedBoxes::start(std::size_t query, float begin) noexcept {
+  std::uint32_t first = this->begin(query);
+  const std::uint32_t last = end(query);
+  for (std::uint32_t i = first; begin > 0 && i != last; ++i) {
+    const bool is_before = candidate_at_[i] <= begin;
+    exchange(first, i);
+    first += is_before ? 1 : 0;
+  }
   if (last - first > few) {
-    std::sort(first, last, [](const ReachedBox& p, const ReachedBox& q) { return p.at < q.at; });
-    return;
+    sort(first, last);
+  } else {
+    bring_nearest(first, last);
   }
-  for (ReachedBox* next = first; next != last; ++next) {
-    const ReachedBox moved = *next;
-    ReachedBox* to = next;
-    for (; to != first && moved.at < to[-1].at; --to) *to = to[-1];
-    *to = moved;
+  return first;
+}
+
+void ReachedBoxes::sort(std::uint32_t first, std::uint32_t last) noexcept {
+  sorted_.clear();
+  for (std::uint32_t i = first; i != last; ++i) sorted_.push_back((*this)[i]);
+  std::sort(sorted_.begin(), sorted_.end(), [](const ReachedBox& p, const ReachedBox& q) { return p.at < q.at; });
+  for (const ReachedBox& next : sorted_.span()) {
+    candidate_boxes_[first] = next.box;
+    candidate_at_[first] = next.at;
+    ++first;
   }
+}
+
+void ReachedBoxes::bring_nearest(std::uint32_t first, std::uint32_t end) noexcept {
+  if (first == end) return;
+  std::uint32_t nearest = first;
+  // What was sorted is as it should be.
+  const std::uint32_t last = std::min(end, first + few);
+  for (std::uint32_t i = first + 1; i < last; ++i) nearest = candidate_at_[i] < candidate_at_[nearest] ? i : nearest;
+  exchange(first, nearest);
+}
+
+void ReachedBoxes::exchange(std::uint32_t i, std::uint32_t j) noexcept {
+  std::swap(candidate_boxes_[i], candidate_boxes_[j]);
+  std::swap(candidate_at_[i], candidate_at_[j]);
 }
 
 }  // namespace ringfence::queries

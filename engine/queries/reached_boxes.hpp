@@ -30,19 +30,30 @@ class ReachedBoxes {
   bool find(BatchSearch search, const BoxTree& tree, std::size_t queries, std::uint64_t& compared) noexcept;
 
   /// The boxes of all queries, one query after another; those of a query in the order of the tree.
-  ReachedBox& operator[](std::uint32_t i) noexcept { return boxes_[i]; }
+  ReachedBox operator[](std::uint32_t i) const noexcept { return {candidate_boxes_[i], candidate_at_[i]}; }
   std::uint32_t begin(std::size_t query) const noexcept { return query == 0 ? 0 : ends_[query - 1]; }
   std::uint32_t end(std::size_t query) const noexcept { return ends_[query]; }
-  /// Puts the boxes of a query in order of `at`.
-  void sort(std::size_t query) noexcept;
+  /// Puts the nearest box of a query that is reached behind `begin` before its other boxes behind `begin`, and returns
+  /// its place; end(query) if there is none.
+  std::uint32_t start(std::size_t query, float begin) noexcept;
+  /// The same for the boxes from `first` on, after the box before it: start() or this brought that there. `end` is that
+  /// of the query.
+  void bring_nearest(std::uint32_t first, std::uint32_t end) noexcept;
 
  private:
+  void exchange(std::uint32_t i, std::uint32_t j) noexcept;
+  void sort(std::uint32_t first, std::uint32_t last) noexcept;
+
+  /// More boxes of a query are sorted at once. Of fewer, the nearest is searched each time: most queries test one or
+  /// two.
+  static constexpr std::uint32_t few = 16;
+
   base::FlatList<Reach> reaches_;
   base::FlatList<std::uint32_t> inner_queries_, inner_groups_;  ///< of the levels above the boxes
   base::FlatList<std::uint32_t> candidate_queries_, candidate_boxes_;
   base::FlatList<float> candidate_at_;
-  base::FlatList<std::uint32_t> ends_;  ///< of each query in boxes_
-  base::FlatList<ReachedBox> boxes_;
+  base::FlatList<ReachedBox> sorted_;   ///< room for a query's boxes
+  base::FlatList<std::uint32_t> ends_;  ///< of each query's boxes
 };
 
 }  // namespace ringfence::queries

@@ -64,12 +64,12 @@ struct ReachedGroups {
   std::uint32_t* groups;
 };
 
-// Compares each query of `from` with its group, and writes the children that it reaches to `to` and `at`. Returns how
-// many of them there are; `room` or more if there may be too many.
+// Compares each query of `from` with its group, and writes the children that it reaches to `to`; at level 0, also when
+// they are reached, to `at`. Returns how many of them there are; `room` or more if there may be too many.
 //
 // No branch depends on what is reached: it writes whole vectors, and then says how many of their lanes count. So
 // nothing waits for a comparison, and groups are loaded in advance.
-template <class Compare>
+template <bool is_leaf, class Compare>
 HWY_INLINE std::size_t descend_level(const BoxTree& tree, std::size_t level, const Compare& compare,
                                      const Reach* HWY_RESTRICT reaches, const ReachedGroups& from, std::size_t count,
                                      const ReachedGroups& to, float* HWY_RESTRICT at, std::size_t room) {
@@ -94,7 +94,7 @@ HWY_INLINE std::size_t descend_level(const BoxTree& tree, std::size_t level, con
           hn::And(compare(groups[group], lane, reaches[query], when), hn::RebindMask(d, hn::Lt(children, nodes)));
       hn::StoreU(hn::Set(numbers, query), numbers, queries_out + size);
       hn::StoreU(hn::Compress(children, hn::RebindMask(numbers, reached)), numbers, groups_out + size);
-      hn::StoreU(hn::Compress(when, reached), d, at + size);
+      if constexpr (is_leaf) hn::StoreU(hn::Compress(when, reached), d, at + size);
       size += hn::CountTrue(d, reached);
     }
   }
@@ -114,7 +114,8 @@ HWY_INLINE bool search_all(const BoxTree& tree, const Compare& compare, std::spa
   for (std::size_t i = 0; i < count; ++i) from.queries[i] = static_cast<std::uint32_t>(i), from.groups[i] = 0;
   for (std::size_t level = tree.levels(); level-- != 0; std::swap(from, to)) {
     boxes += count * tree_width;
-    count = descend_level(tree, level, compare, reaches.data(), from, count, to, out.at, out.room);
+    count = level == 0 ? descend_level<true>(tree, level, compare, reaches.data(), from, count, to, out.at, out.room)
+                       : descend_level<false>(tree, level, compare, reaches.data(), from, count, to, out.at, out.room);
     if (count == out.room) return false;
   }
   out.size = count;

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "narrow_phase/simd/lanes-inl.hpp"
+#include "narrow_phase/simd/largest-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -42,7 +43,6 @@ struct Largest {
 template <class D, class ValueAt>
 HWY_INLINE Largest<D> find_largest(std::size_t count, const ValueAt& value_at) {
   const D d;
-  constexpr std::size_t most_lanes = 16;
   using T = hn::TFromD<D>;
   auto most = value_at(0), number = hn::Iota(d, 0), best = number;
   const auto step = hn::Set(d, static_cast<T>(hn::Lanes(d)));
@@ -52,15 +52,8 @@ HWY_INLINE Largest<D> find_largest(std::size_t count, const ValueAt& value_at) {
     best = hn::IfThenElse(hn::Gt(value, most), number, best);
     most = hn::Max(value, most);
   }
-  alignas(64) T values[most_lanes], numbers[most_lanes];
-  hn::Store(most, d, values);
-  hn::Store(best, d, numbers);
-  std::size_t lane = 0;
-  for (std::size_t i = 1; i < hn::Lanes(d); ++i) {
-    const bool is_better = values[i] > values[lane] || (values[i] == values[lane] && numbers[i] < numbers[lane]);
-    lane = is_better ? i : lane;
-  }
-  return {values[lane], static_cast<std::uint32_t>(numbers[lane])};
+  const auto found = largest_of_lanes(d, Numbered<D>{most, best});
+  return {hn::GetLane(found.value), static_cast<std::uint32_t>(hn::GetLane(found.number))};
 }
 
 std::uint32_t farthest_vertex_of(const geometry::Hull& hull, const Vec3d& direction) {
@@ -103,7 +96,6 @@ std::uint32_t nearest_edge_of(const geometry::Hull& hull, const Vec3f& point) {
   return find_largest<Floats>(
              hull.edge_count(),
              [&](std::size_t i) HWY_ATTR {
-               using geometry::EdgeColumn;
                using geometry::EdgeColumn;
                const Vector<Floats> along = load_floats(column(EdgeColumn::along_x, i), column(EdgeColumn::along_y, i),
                                                         column(EdgeColumn::along_z, i));

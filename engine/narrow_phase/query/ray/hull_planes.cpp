@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "narrow_phase/simd/lanes-inl.hpp"
+#include "narrow_phase/simd/largest-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -47,20 +48,12 @@ PlaneClip clip(const geometry::Hull& hull, const LocalRay& ray, double margin) {
     leave = hn::IfThenElse(outside, nowhere, leave);
     number = hn::Add(number, hn::Set(d, static_cast<double>(hn::Lanes(d))));
   }
-  double enters[8], faces[8], leaves[8], heights[8];
-  hn::StoreU(enter, d, enters);
-  hn::StoreU(entered, d, faces);
-  hn::StoreU(leave, d, leaves);
-  hn::StoreU(farthest, d, heights);
-  PlaneClip out{-infinity, infinity, 0, -infinity};
-  double face = infinity;
-  // Not by the reductions of <immintrin.h>: clang's take infinity for the largest finite number.
-  for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
-    out.leave = std::min(out.leave, leaves[i]);
-    out.farthest = std::max(out.farthest, heights[i]);
-    if (enters[i] > out.enter || (enters[i] == out.enter && faces[i] < face)) out.enter = enters[i], face = faces[i];
-  }
-  out.entered = face < infinity ? static_cast<std::uint32_t>(face) : 0;
+  const auto first = largest_of_lanes(d, Numbered<Doubles>{enter, entered});
+  PlaneClip out;
+  out.enter = hn::GetLane(first.value);
+  out.entered = static_cast<std::uint32_t>(hn::GetLane(first.number));
+  out.leave = -most_of_lanes(d, hn::Neg(leave));
+  out.farthest = most_of_lanes(d, farthest);
   return out;
 }
 
