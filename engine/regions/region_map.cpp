@@ -76,119 +76,15 @@ void RegionMap::find_uniform_boxes() {
   }
 }
 
-namespace {
-
-/// Whether `node` owns all cells of the box and none is cut.
-bool owns(std::span<const std::uint32_t> table, const CellGrid& grid, const CellBox& box, NodeNumber node) {
-  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-      const std::uint32_t* const row = &table[grid.index(box.lower[0], y, z)];
-      if (!std::all_of(row, row + (box.upper[0] - box.lower[0] + 1), [&](std::uint32_t at) { return at == node; })) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-/// Sets `middle` to an uncut cell that `node` owns: the middle cell of the box around all such cells if it is one of
-/// them, else any. Returns false if there is none.
-bool find_middle(std::span<const std::uint32_t> table, const CellGrid& grid, NodeNumber node, CellBox& middle) {
-  CellBox reach;
-  bool any = false;
-  for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
-    if (table[cell] != node) {
-      continue;
-    }
-    middle = grid.box_of(cell);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      reach.lower[axis] = any ? std::min(reach.lower[axis], middle.lower[axis]) : middle.lower[axis];
-      reach.upper[axis] = any ? std::max(reach.upper[axis], middle.upper[axis]) : middle.upper[axis];
-    }
-    any = true;
-  }
-  if (!any) {
-    return false;
-  }
-  const std::uint32_t cell = grid.index((std::uint32_t{reach.lower[0]} + reach.upper[0]) / 2,
-                                        (std::uint32_t{reach.lower[1]} + reach.upper[1]) / 2,
-                                        (std::uint32_t{reach.lower[2]} + reach.upper[2]) / 2);
-  middle = table[cell] == node ? grid.box_of(cell) : middle;
-  return true;
-}
-
-}  // namespace
-
-geometry::Bounds RegionMap::interior(NodeNumber node) const {
-  CellBox box;
-  if (!find_middle(table_, grid_, node, box)) {
-    return {{1, 1, 1}, {0, 0, 0}};
-  }
-  // A side that cannot move by a layer stays blocked when the box grows elsewhere.
-  bool blocked[6] = {};
-  for (bool grows = true; grows;) {
-    grows = false;
-    for (std::size_t side = 0; side < 6; ++side) {
-      const std::size_t axis = side / 2;
-      CellBox layer = box;
-      if (side % 2 == 0) {
-        blocked[side] |= box.lower[axis] == 0;
-        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.lower[axis] - 1);
-      } else {
-        blocked[side] |= box.upper[axis] + 1u == grid_.along(axis);
-        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.upper[axis] + 1);
-      }
-      blocked[side] = blocked[side] || !owns(table_, grid_, layer, node);
-      if (!blocked[side]) {
-        (side % 2 == 0 ? box.lower : box.upper)[axis] = layer.lower[axis];
-        grows = true;
-      }
-    }
-  }
-  return grid_.bounds_of(box);
-}
-
-namespace {
-
-/// A part of a cell, and the number of cuts above it.
-struct DeepPart {
-  geometry::Bounds bounds{{1, 1, 1}, {0, 0, 0}};
-  std::size_t cuts = 0;
-
-  double volume() const noexcept {
-    double product = 1;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      product *= static_cast<double>(bounds.upper[axis]) - bounds.lower[axis] + 1;
-    }
-    return product;
-  }
-};
-
-void find_densest(const RegionMap& map, std::uint32_t entry, const DeepPart& part, NodeNumber node, DeepPart& densest) {
-  if (RegionMap::is_cut(entry)) {
-    const std::size_t axis = RegionMap::axis_of(entry), words = RegionMap::words_at(entry, map.grid());
-    DeepPart lower{part.bounds, part.cuts + 1}, upper = lower;
-    lower.bounds.upper[axis] = map.table()[words] - 1;
-    upper.bounds.lower[axis] = map.table()[words];
-    find_densest(map, map.table()[words + 1], lower, node, densest);
-    find_densest(map, map.table()[words + 2], upper, node, densest);
-  } else if (entry == node && (part.cuts > densest.cuts ||
-                               (part.cuts > 0 && part.cuts == densest.cuts && part.volume() > densest.volume()))) {
-    densest = part;
-  }
-}
-
-}  // namespace
-
-geometry::Bounds RegionMap::densest_part(NodeNumber node) const {
-  DeepPart densest;
-  for (std::uint32_t cell = 0; has_cuts() && cell < grid_.cells(); ++cell) {
-    find_densest(*this, table_[cell], {grid_.bounds_of(grid_.box_of(cell)), 0}, node, densest);
-  }
-  return densest.bounds;
-}
-
 Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+  // Most bounds that are not in a uniform box are on one side of each cut of one cell.
+  const CellBox box = grid_.cells_of(bounds);
+  if (box.single()) {
+    const std::uint32_t entry = part_around(table_[grid_.index(box.lower[0], box.lower[1], box.lower[2])], bounds);
+    if (!is_cut(entry)) {
+      return entry == node ? Coverage::all : Coverage::none;
+    }
+  }
   bool some = false;
   bool all = true;
   visit_owners(bounds, [&](NodeNumber owner) {
@@ -197,6 +93,19 @@ Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber 
     return !some || all;
   });
   return !some ? Coverage::none : all ? Coverage::all : Coverage::part;
+}
+
+std::uint32_t RegionMap::part_around(std::uint32_t entry, const geometry::Bounds& bounds) const noexcept {
+  while (is_cut(entry)) {
+    const std::size_t axis = axis_of(entry);
+    const std::uint32_t* const cut = cut_of(entry);
+    const bool above = bounds.lower[axis] >= cut[0];
+    if (!above && bounds.upper[axis] >= cut[0]) {
+      return entry;
+    }
+    entry = cut[above ? 2 : 1];
+  }
+  return entry;
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {

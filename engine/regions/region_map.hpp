@@ -190,15 +190,6 @@ class RegionMap {
     return coverage_of_many(bounds, node);
   }
 
-  /// Bounds within the region of `node`: a box of whole cells, grown from a cell near the middle of the region. It is
-  /// the whole region if that is a box of whole cells. Empty (lower above upper) if the node owns no whole cell. Cost:
-  /// reads every cell, so it is not for the inner loops of a frame.
-  geometry::Bounds interior(NodeNumber node) const;
-  /// Bounds of the part of a cell that `node` owns below the most cuts; of several, the largest. Cells are cut where
-  /// the weight is, so this is where most of a crowd is. Empty (lower above upper) if the node owns no part of a cut
-  /// cell.
-  geometry::Bounds densest_part(NodeNumber node) const;
-
   /// Whether `table`, which may come from the network, is a valid table for a map of `grid`: every cell or part of a
   /// cell is owned by a node below `nodes` or cut by a plane through it, every cut belongs to one cell or part, and no
   /// part is below more than `max_depth` cuts, so that a search does not recurse deeper.
@@ -226,6 +217,8 @@ class RegionMap {
   void find_uniform_boxes();
   void find_sole_owner() noexcept;
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
+  /// The smallest part below `entry` that contains the bounds: its owner, or the cut that passes through them.
+  std::uint32_t part_around(std::uint32_t entry, const geometry::Bounds& bounds) const noexcept;
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 
   template <class Visit>
