@@ -3,11 +3,13 @@
 #include <cmath>
 #include <random>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include "regions/owned_boxes.hpp"
+#include "regions/recent_owners.hpp"
 #include "regions/region_map.hpp"
 
 namespace ringfence::regions {
@@ -202,6 +204,33 @@ TEST_CASE("exactly the owners of the space that bounds cover are visited, each o
       REQUIRE(std::count_if(parts.begin(), parts.end(), [&](const Part& part) {
                 return part.overlaps(point) && part.owner == map.owner_at(point.lower);
               }) == 1);
+    }
+  });
+}
+
+TEST_CASE("recent owners are those that the map has, however the bounds follow each other") {
+  for_each_map(37, [](const RegionMap& map, std::mt19937_64& random) {
+    RecentOwners recent;
+    Bounds bounds{};
+    for (int round = 0; round < 400; ++round) {
+      if (round % 10 == 0) {
+        bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
+      }
+      const unsigned step_bits = static_cast<unsigned>(random() % 28);
+      for (int axis = 0; axis < 3; ++axis) {  // wraps around, so the corners have to be ordered again
+        bounds.lower[axis] += static_cast<std::uint32_t>(random() % (1u << step_bits));
+        bounds.upper[axis] += static_cast<std::uint32_t>(random() % (1u << step_bits));
+        if (bounds.lower[axis] > bounds.upper[axis]) std::swap(bounds.lower[axis], bounds.upper[axis]);
+      }
+      std::set<NodeNumber> expected;
+      map.visit_owners(bounds, [&](NodeNumber node) {
+        expected.insert(node);
+        return true;
+      });
+      const auto owners = recent.of(map, bounds);
+      REQUIRE(owners.size() == expected.size());
+      REQUIRE(std::set<NodeNumber>(owners.begin(), owners.end()) == expected);
+      REQUIRE(recent.covers(bounds));
     }
   });
 }
