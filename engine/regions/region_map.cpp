@@ -1,6 +1,7 @@
 #include "regions/region_map.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <string>
 
@@ -35,9 +36,20 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
                 " cells; raise WorldConfig::tuning.cells_log2 or lower WorldConfig::nodes");
   }
   Bisection bisection(grid);
-  const auto owners = bisection.split(nodes, std::span<const double>{});
-  table_.assign(owners.begin(), owners.end());
-  find_uniform_boxes();
+  set_table(bisection.split(nodes, std::span<const double>{}));
+}
+
+// What no copy shares is used again. The fence pairs with the release of a copy that another thread has ended: what
+// that thread has read is not overwritten before.
+void RegionMap::set_table(std::span<const std::uint32_t> table) {
+  if (tables_ == nullptr || tables_.use_count() != 1) {
+    tables_ = std::make_shared<Tables>();
+  }
+  std::atomic_thread_fence(std::memory_order_acquire);
+  tables_->owners.assign(table.begin(), table.end());
+  table_ = tables_->owners;
+  find_uniform_boxes(tables_->uniform_boxes);
+  uniform_boxes_ = tables_->uniform_boxes;
   find_sole_owner();
 }
 
@@ -56,11 +68,11 @@ void RegionMap::find_sole_owner() noexcept {
 }
 
 // A box that spans a set of axes is two neighbouring boxes that span all of these axes but the last.
-void RegionMap::find_uniform_boxes() {
+void RegionMap::find_uniform_boxes(std::vector<std::uint8_t>& uniform_boxes) const {
   const auto cells = static_cast<std::uint32_t>(grid_.cells());
-  uniform_boxes_.resize(cells);
+  uniform_boxes.resize(cells);
   for (std::uint32_t cell = 0; cell < cells; ++cell) {
-    uniform_boxes_[cell] = is_cut(table_[cell]) ? 0 : 1;
+    uniform_boxes[cell] = is_cut(table_[cell]) ? 0 : 1;
   }
   for (std::size_t axis = 0, shift = 0; axis < 3; shift += grid_.log2[axis++]) {
     const std::uint32_t next = std::uint32_t{1} << shift;
@@ -69,8 +81,8 @@ void RegionMap::find_uniform_boxes() {
     const unsigned known = (1u << without_axis) - 1;
     for (std::uint32_t cell = 0; cell < cells; ++cell) {
       if ((cell >> shift & last) != last && table_[cell] == table_[cell + next]) {
-        const unsigned joined = uniform_boxes_[cell] & uniform_boxes_[cell + next] & known;
-        uniform_boxes_[cell] = static_cast<std::uint8_t>(uniform_boxes_[cell] | joined << without_axis);
+        const unsigned joined = uniform_boxes[cell] & uniform_boxes[cell + next] & known;
+        uniform_boxes[cell] = static_cast<std::uint8_t>(uniform_boxes[cell] | joined << without_axis);
       }
     }
   }
@@ -179,9 +191,7 @@ bool RegionMap::is_table(std::span<const std::uint32_t> table, const CellGrid& g
 
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % words_of_cut == 0);
-  table_.assign(table.begin(), table.end());
-  find_uniform_boxes();
-  find_sole_owner();
+  set_table(table);
   nodes_ = nodes;
   epoch_ = epoch;
 }

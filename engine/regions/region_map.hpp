@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -102,7 +103,7 @@ enum class Coverage : std::uint8_t { none, part, all };
 ///
 /// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
 /// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 12 a
-/// cut.
+/// cut; copies share them until one of them is assigned another table.
 class RegionMap {
   static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
   static constexpr std::uint32_t cut_bits = 0x1fffffffu;
@@ -214,7 +215,16 @@ class RegionMap {
     const std::uint32_t x = across(0), y = across(1), z = across(2);
     return (x | y | z) <= 1 && (uniform_boxes_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
-  void find_uniform_boxes();
+  /// What copies share. Not changed while it is shared.
+  struct Tables {
+    std::vector<std::uint32_t> owners;
+    /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
+    /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three
+    /// axes.
+    std::vector<std::uint8_t> uniform_boxes;
+  };
+  void set_table(std::span<const std::uint32_t> table);
+  void find_uniform_boxes(std::vector<std::uint8_t>& uniform_boxes) const;
   void find_sole_owner() noexcept;
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
   /// The smallest part below `entry` that contains the bounds: its owner, or the cut that passes through them.
@@ -242,10 +252,9 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   NodeNumber sole_owner_ = many_owners;
-  std::vector<std::uint32_t> table_;
-  /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
-  /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three axes.
-  std::vector<std::uint8_t> uniform_boxes_;
+  std::shared_ptr<Tables> tables_;
+  std::span<const std::uint32_t> table_;         ///< in tables_
+  std::span<const std::uint8_t> uniform_boxes_;  ///< the same
 };
 
 /// Calls `visit(node)` once for each node that owns space which the bounds cover.
