@@ -12,6 +12,12 @@ std::uint64_t key_of(std::uint32_t crowd, std::uint32_t slot) noexcept {
 std::uint32_t crowd_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 33); }
 bool is_excess(std::uint64_t key) noexcept { return (key >> 32 & 1) != 0; }
 
+void sort_all(const Kernels& kernels, BoxSet& boxes) {
+  for (RowGrid& grid : boxes.grids()) {
+    while (grid.sorted_buckets < grid.layout.buckets) kernels.sort(grid, grid.sorted_buckets++);
+  }
+}
+
 }  // namespace
 
 std::size_t CrowdSets::take(std::span<const std::uint32_t> crowds, std::span<std::uint32_t> slots) {
@@ -60,16 +66,32 @@ void CrowdSets::add_part(const Kernels& kernels, std::span<const geometry::Bound
       part.reach.upper[axis] = std::max(part.reach.upper[axis], bounds[slot].upper[axis]);
     }
   }
+  const std::size_t count = slots_.size();
   part.boxes.build(kernels, bounds, layers, masks, slots_);
-  if (!excess) return;
-  for (RowGrid& grid : part.boxes.grids()) {
-    while (grid.sorted_buckets < grid.layout.buckets) kernels.sort(grid, grid.sorted_buckets++);
+  if (excess) sort_all(kernels, part.boxes);
+  // To compare a box of the part with all others costs as much as to look at this many of them.
+  constexpr std::size_t looks = 24;
+  part.has_near = count * looks >= others_.size();
+  if (part.has_near) find_near(part, kernels, bounds, layers, masks);
+}
+
+// Many boxes on one spot touch few others. Those are few queries, instead of one for each box of the part.
+void CrowdSets::find_near(Part& part, const Kernels& kernels, std::span<const geometry::Bounds> bounds,
+                          const std::uint8_t* layers, const std::uint32_t* masks) {
+  slots_.clear();
+  for (const std::uint32_t slot : others_) {
+    if (geometry::touch(bounds[slot], part.reach)) slots_.push_back(slot);
   }
+  part.has_near = 2 * slots_.size() <= others_.size();
+  if (!part.has_near) return;
+  part.near.build(kernels, bounds, layers, masks, slots_);
+  sort_all(kernels, part.near);
 }
 
 void CrowdSets::build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
-                      const std::uint32_t* masks) {
+                      const std::uint32_t* masks, std::span<const std::uint32_t> others) {
   used_ = 0;
+  others_ = others;
   list_crowds();
   const auto list_slots = [&](std::size_t first, std::size_t end) {
     for (std::size_t i = first; i < end; ++i) slots_.push_back(slot_of(taken_[i]));

@@ -33,9 +33,9 @@ class CrowdSets {
   static std::uint32_t slot_of(std::uint64_t taken) noexcept { return static_cast<std::uint32_t>(taken); }
 
   /// Builds the sets of the slots that take() has taken. The arguments are as
-  /// in BoxSet::build().
+  /// in BoxSet::build(). `others` are the slots of a set that each() compares them with.
   void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
-             const std::uint32_t* masks);
+             const std::uint32_t* masks, std::span<const std::uint32_t> others);
   /// Whether the pairs of the last set have to be filtered.
   bool needs_filter() const noexcept { return rest_is_used_; }
 
@@ -53,10 +53,11 @@ class CrowdSets {
       }
     }
   }
-  /// Calls visit(set) for each set.
+  /// Calls visit(set, near) for each set. `near` has those of the other boxes that can be in a pair with a box of the
+  /// set; null: all of them.
   template <class Visit>
   void each(Visit visit) {
-    for (std::size_t i = 0; i < used_; ++i) visit(parts_[i]->boxes);
+    for (std::size_t i = 0; i < used_; ++i) visit(parts_[i]->boxes, parts_[i]->has_near ? &parts_[i]->near : nullptr);
   }
 
  private:
@@ -66,6 +67,8 @@ class CrowdSets {
     std::uint32_t crowd = 0;   ///< without excess_bit; or many_crowds
     bool excess = false;       ///< its boxes do not collide with each other
     geometry::Bounds reach{};  ///< around all boxes
+    BoxSet near{0};            ///< of the other boxes, those that touch `reach`
+    bool has_near = false;
   };
   /// The boxes of a crowd in taken_: first those that collide with each other.
   struct Crowd {
@@ -75,11 +78,14 @@ class CrowdSets {
   void list_crowds();
   void add_part(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
                 const std::uint32_t* masks, std::uint32_t crowd, bool excess);
+  void find_near(Part& part, const Kernels& kernels, std::span<const geometry::Bounds> bounds,
+                 const std::uint8_t* layers, const std::uint32_t* masks);
 
   std::vector<std::uint64_t> taken_;  ///< crowd, with its excess bit lowest, and
                                       ///< slot; ascending after build()
   std::vector<Crowd> crowds_;
   std::vector<std::uint32_t> slots_;  ///< of one set
+  std::span<const std::uint32_t> others_;
   std::vector<std::unique_ptr<Part>> parts_;
   std::size_t used_ = 0;  ///< parts of this build
   bool rest_is_used_ = false;

@@ -155,8 +155,8 @@ struct SweepAndPrune::Implementation {
   void add_crowd_tasks() {
     crowded.list_pairs([&](BoxSet& set) { add_tasks_within(set); },
                        [&](BoxSet& p, BoxSet& q) { add_tasks_between(p, q); });
-    crowded.each([&](BoxSet& set) {
-      add_tasks_between(set, moving);
+    crowded.each([&](BoxSet& set, BoxSet* near) {
+      add_tasks_between(set, near != nullptr ? *near : moving);
       add_tasks_between(set, resting);
     });
   }
@@ -272,12 +272,14 @@ struct SweepAndPrune::Implementation {
     } else if (rebuild_debt >= at_rest && rebuild_debt != 0) {
       rebuild_resting(bounds, resting_flags, types, moving_count);
     }
-    moving.build(kernels, bounds, types, mask_data(), {moving_slots.data(), moving_count});
+    const std::span<std::uint32_t> to_sweep{moving_slots.data(), moving_count};
+    const bool has_crowds = !crowds.empty() && !crowded.empty();
+    if (has_crowds) crowded.build(kernels, bounds, types, mask_data(), to_sweep);
+    moving.build(kernels, bounds, types, mask_data(), to_sweep);
     start_tasks();
     add_tasks_within(moving);
     add_tasks_between(moving, resting);
-    if (!crowds.empty() && !crowded.empty()) {
-      crowded.build(kernels, bounds, types, mask_data());
+    if (has_crowds) {
       add_crowd_tasks();
       if (crowded.needs_filter()) sink.crowds = crowds;
     }

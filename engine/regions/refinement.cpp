@@ -80,23 +80,32 @@ void Refinement::cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits
   cut(above, split, end, limits);
 }
 
-// The middle of the side. If all weights are on one side of it, the plane is beside them, with a margin for the sizes
-// of objects and for their next steps. A leaf with too much weight has weights.
+// The middle of the side, or the middle of the gap between weights there, so that fewer objects are on both sides of
+// the plane or step to and fro across it. If all weights are on one side, the plane is beside them, with a margin for
+// the sizes of objects and for their next steps. A leaf with too much weight has weights.
 std::uint32_t Refinement::plane_of(const Leaf& leaf, std::size_t axis, std::size_t begin, std::size_t end,
                                    std::uint32_t margin) const {
   const std::uint64_t lower = leaf.bounds.lower[axis], upper = leaf.bounds.upper[axis];
   const std::uint64_t middle = lower + (upper - lower + 1) / 2;
   std::uint64_t least = upper, most = lower;
+  std::uint64_t below = lower, above = upper;  // the weights nearest to the middle
   for (std::size_t i = begin; i < end; ++i) {
     const std::uint64_t at = weight_of(heavy_weights_[i]).point[axis];
     least = std::min(least, at);
     most = std::max(most, at);
+    below = at < middle ? std::max(below, at) : below;
+    above = at < middle ? above : std::min(above, at);
   }
   const std::uint64_t around = std::max<std::uint64_t>(2 * std::uint64_t{margin}, (most - least) / 8);
   if (least >= middle + around) {
     return static_cast<std::uint32_t>(least - around);
   }
-  return static_cast<std::uint32_t>(most + around < middle ? most + around + 1 : middle);
+  if (most + around < middle) {
+    return static_cast<std::uint32_t>(most + around + 1);
+  }
+  // Near the middle, and in it for small margins, so that no part is below more than RegionMap::max_depth cuts.
+  const std::uint64_t reach = margin < 8 ? 0 : std::min<std::uint64_t>(2 * std::uint64_t{margin}, (upper - lower) / 8);
+  return static_cast<std::uint32_t>(std::clamp(below + (above - below + 1) / 2, middle - reach, middle + reach));
 }
 
 std::span<const std::uint32_t> Refinement::table(std::span<const NodeNumber> owners) {

@@ -1,6 +1,7 @@
 #include "regions/region_map.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <string>
 
@@ -35,9 +36,20 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
                 " cells; raise WorldConfig::tuning.cells_log2 or lower WorldConfig::nodes");
   }
   Bisection bisection(grid);
-  const auto owners = bisection.split(nodes, std::span<const double>{});
-  table_.assign(owners.begin(), owners.end());
-  find_uniform_boxes();
+  set_table(bisection.split(nodes, std::span<const double>{}));
+}
+
+// What no copy shares is used again. The fence pairs with the release of a copy that another thread has ended: what
+// that thread has read is not overwritten before.
+void RegionMap::set_table(std::span<const std::uint32_t> table) {
+  if (tables_ == nullptr || tables_.use_count() != 1) {
+    tables_ = std::make_shared<Tables>();
+  }
+  std::atomic_thread_fence(std::memory_order_acquire);
+  tables_->owners.assign(table.begin(), table.end());
+  table_ = tables_->owners;
+  find_uniform_boxes(tables_->uniform_boxes);
+  uniform_boxes_ = tables_->uniform_boxes;
   find_sole_owner();
 }
 
@@ -56,11 +68,11 @@ void RegionMap::find_sole_owner() noexcept {
 }
 
 // A box that spans a set of axes is two neighbouring boxes that span all of these axes but the last.
-void RegionMap::find_uniform_boxes() {
+void RegionMap::find_uniform_boxes(std::vector<std::uint8_t>& uniform_boxes) const {
   const auto cells = static_cast<std::uint32_t>(grid_.cells());
-  uniform_boxes_.resize(cells);
+  uniform_boxes.resize(cells);
   for (std::uint32_t cell = 0; cell < cells; ++cell) {
-    uniform_boxes_[cell] = is_cut(table_[cell]) ? 0 : 1;
+    uniform_boxes[cell] = is_cut(table_[cell]) ? 0 : 1;
   }
   for (std::size_t axis = 0, shift = 0; axis < 3; shift += grid_.log2[axis++]) {
     const std::uint32_t next = std::uint32_t{1} << shift;
@@ -69,126 +81,22 @@ void RegionMap::find_uniform_boxes() {
     const unsigned known = (1u << without_axis) - 1;
     for (std::uint32_t cell = 0; cell < cells; ++cell) {
       if ((cell >> shift & last) != last && table_[cell] == table_[cell + next]) {
-        const unsigned joined = uniform_boxes_[cell] & uniform_boxes_[cell + next] & known;
-        uniform_boxes_[cell] = static_cast<std::uint8_t>(uniform_boxes_[cell] | joined << without_axis);
+        const unsigned joined = uniform_boxes[cell] & uniform_boxes[cell + next] & known;
+        uniform_boxes[cell] = static_cast<std::uint8_t>(uniform_boxes[cell] | joined << without_axis);
       }
     }
   }
-}
-
-namespace {
-
-/// Whether `node` owns all cells of the box and none is cut.
-bool owns(std::span<const std::uint32_t> table, const CellGrid& grid, const CellBox& box, NodeNumber node) {
-  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-      const std::uint32_t* const row = &table[grid.index(box.lower[0], y, z)];
-      if (!std::all_of(row, row + (box.upper[0] - box.lower[0] + 1), [&](std::uint32_t at) { return at == node; })) {
-        return false;
-      }
-    }
-  }
-  return true;
-}
-
-/// Sets `middle` to an uncut cell that `node` owns: the middle cell of the box around all such cells if it is one of
-/// them, else any. Returns false if there is none.
-bool find_middle(std::span<const std::uint32_t> table, const CellGrid& grid, NodeNumber node, CellBox& middle) {
-  CellBox reach;
-  bool any = false;
-  for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
-    if (table[cell] != node) {
-      continue;
-    }
-    middle = grid.box_of(cell);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      reach.lower[axis] = any ? std::min(reach.lower[axis], middle.lower[axis]) : middle.lower[axis];
-      reach.upper[axis] = any ? std::max(reach.upper[axis], middle.upper[axis]) : middle.upper[axis];
-    }
-    any = true;
-  }
-  if (!any) {
-    return false;
-  }
-  const std::uint32_t cell = grid.index((std::uint32_t{reach.lower[0]} + reach.upper[0]) / 2,
-                                        (std::uint32_t{reach.lower[1]} + reach.upper[1]) / 2,
-                                        (std::uint32_t{reach.lower[2]} + reach.upper[2]) / 2);
-  middle = table[cell] == node ? grid.box_of(cell) : middle;
-  return true;
-}
-
-}  // namespace
-
-geometry::Bounds RegionMap::interior(NodeNumber node) const {
-  CellBox box;
-  if (!find_middle(table_, grid_, node, box)) {
-    return {{1, 1, 1}, {0, 0, 0}};
-  }
-  // A side that cannot move by a layer stays blocked when the box grows elsewhere.
-  bool blocked[6] = {};
-  for (bool grows = true; grows;) {
-    grows = false;
-    for (std::size_t side = 0; side < 6; ++side) {
-      const std::size_t axis = side / 2;
-      CellBox layer = box;
-      if (side % 2 == 0) {
-        blocked[side] |= box.lower[axis] == 0;
-        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.lower[axis] - 1);
-      } else {
-        blocked[side] |= box.upper[axis] + 1u == grid_.along(axis);
-        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.upper[axis] + 1);
-      }
-      blocked[side] = blocked[side] || !owns(table_, grid_, layer, node);
-      if (!blocked[side]) {
-        (side % 2 == 0 ? box.lower : box.upper)[axis] = layer.lower[axis];
-        grows = true;
-      }
-    }
-  }
-  return grid_.bounds_of(box);
-}
-
-namespace {
-
-/// A part of a cell, and the number of cuts above it.
-struct DeepPart {
-  geometry::Bounds bounds{{1, 1, 1}, {0, 0, 0}};
-  std::size_t cuts = 0;
-
-  double volume() const noexcept {
-    double product = 1;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      product *= static_cast<double>(bounds.upper[axis]) - bounds.lower[axis] + 1;
-    }
-    return product;
-  }
-};
-
-void find_densest(const RegionMap& map, std::uint32_t entry, const DeepPart& part, NodeNumber node, DeepPart& densest) {
-  if (RegionMap::is_cut(entry)) {
-    const std::size_t axis = RegionMap::axis_of(entry), words = RegionMap::words_at(entry, map.grid());
-    DeepPart lower{part.bounds, part.cuts + 1}, upper = lower;
-    lower.bounds.upper[axis] = map.table()[words] - 1;
-    upper.bounds.lower[axis] = map.table()[words];
-    find_densest(map, map.table()[words + 1], lower, node, densest);
-    find_densest(map, map.table()[words + 2], upper, node, densest);
-  } else if (entry == node && (part.cuts > densest.cuts ||
-                               (part.cuts > 0 && part.cuts == densest.cuts && part.volume() > densest.volume()))) {
-    densest = part;
-  }
-}
-
-}  // namespace
-
-geometry::Bounds RegionMap::densest_part(NodeNumber node) const {
-  DeepPart densest;
-  for (std::uint32_t cell = 0; has_cuts() && cell < grid_.cells(); ++cell) {
-    find_densest(*this, table_[cell], {grid_.bounds_of(grid_.box_of(cell)), 0}, node, densest);
-  }
-  return densest.bounds;
 }
 
 Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+  // Most bounds that are not in a uniform box are on one side of each cut of one cell.
+  const CellBox box = grid_.cells_of(bounds);
+  if (box.single()) {
+    const std::uint32_t entry = part_around(table_[grid_.index(box.lower[0], box.lower[1], box.lower[2])], bounds);
+    if (!is_cut(entry)) {
+      return entry == node ? Coverage::all : Coverage::none;
+    }
+  }
   bool some = false;
   bool all = true;
   visit_owners(bounds, [&](NodeNumber owner) {
@@ -197,6 +105,19 @@ Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber 
     return !some || all;
   });
   return !some ? Coverage::none : all ? Coverage::all : Coverage::part;
+}
+
+std::uint32_t RegionMap::part_around(std::uint32_t entry, const geometry::Bounds& bounds) const noexcept {
+  while (is_cut(entry)) {
+    const std::size_t axis = axis_of(entry);
+    const std::uint32_t* const cut = cut_of(entry);
+    const bool above = bounds.lower[axis] >= cut[0];
+    if (!above && bounds.upper[axis] >= cut[0]) {
+      return entry;
+    }
+    entry = cut[above ? 2 : 1];
+  }
+  return entry;
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {
@@ -270,9 +191,7 @@ bool RegionMap::is_table(std::span<const std::uint32_t> table, const CellGrid& g
 
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % words_of_cut == 0);
-  table_.assign(table.begin(), table.end());
-  find_uniform_boxes();
-  find_sole_owner();
+  set_table(table);
   nodes_ = nodes;
   epoch_ = epoch;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -102,7 +103,7 @@ enum class Coverage : std::uint8_t { none, part, all };
 ///
 /// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
 /// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 12 a
-/// cut.
+/// cut; copies share them until one of them is assigned another table.
 class RegionMap {
   static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
   static constexpr std::uint32_t cut_bits = 0x1fffffffu;
@@ -190,15 +191,6 @@ class RegionMap {
     return coverage_of_many(bounds, node);
   }
 
-  /// Bounds within the region of `node`: a box of whole cells, grown from a cell near the middle of the region. It is
-  /// the whole region if that is a box of whole cells. Empty (lower above upper) if the node owns no whole cell. Cost:
-  /// reads every cell, so it is not for the inner loops of a frame.
-  geometry::Bounds interior(NodeNumber node) const;
-  /// Bounds of the part of a cell that `node` owns below the most cuts; of several, the largest. Cells are cut where
-  /// the weight is, so this is where most of a crowd is. Empty (lower above upper) if the node owns no part of a cut
-  /// cell.
-  geometry::Bounds densest_part(NodeNumber node) const;
-
   /// Whether `table`, which may come from the network, is a valid table for a map of `grid`: every cell or part of a
   /// cell is owned by a node below `nodes` or cut by a plane through it, every cut belongs to one cell or part, and no
   /// part is below more than `max_depth` cuts, so that a search does not recurse deeper.
@@ -223,9 +215,20 @@ class RegionMap {
     const std::uint32_t x = across(0), y = across(1), z = across(2);
     return (x | y | z) <= 1 && (uniform_boxes_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
-  void find_uniform_boxes();
+  /// What copies share. Not changed while it is shared.
+  struct Tables {
+    std::vector<std::uint32_t> owners;
+    /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
+    /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three
+    /// axes.
+    std::vector<std::uint8_t> uniform_boxes;
+  };
+  void set_table(std::span<const std::uint32_t> table);
+  void find_uniform_boxes(std::vector<std::uint8_t>& uniform_boxes) const;
   void find_sole_owner() noexcept;
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
+  /// The smallest part below `entry` that contains the bounds: its owner, or the cut that passes through them.
+  std::uint32_t part_around(std::uint32_t entry, const geometry::Bounds& bounds) const noexcept;
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 
   template <class Visit>
@@ -249,10 +252,9 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   NodeNumber sole_owner_ = many_owners;
-  std::vector<std::uint32_t> table_;
-  /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
-  /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three axes.
-  std::vector<std::uint8_t> uniform_boxes_;
+  std::shared_ptr<Tables> tables_;
+  std::span<const std::uint32_t> table_;         ///< in tables_
+  std::span<const std::uint8_t> uniform_boxes_;  ///< the same
 };
 
 /// Calls `visit(node)` once for each node that owns space which the bounds cover.

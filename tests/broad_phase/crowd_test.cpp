@@ -99,6 +99,36 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a crowd on one spot is in pairs with all that touch it, and with nothing else") {
+  std::mt19937 engine(5);
+  const auto random = [&] { return static_cast<std::uint32_t>(engine()); };
+  constexpr std::uint32_t crowded = 300;
+  for (const std::uint32_t others : {0u, 1u, 40u, 2500u, 9000u}) {
+    CAPTURE(others);
+    Boxes boxes;
+    SweepAndPrune sweep(100, 100);
+    for (int frame = 0; frame < 6; ++frame) {
+      boxes = {};
+      const std::uint32_t spot = 1u << 31;
+      for (std::uint32_t i = 0; i < crowded + others; ++i) {
+        const bool in_crowd = i < crowded;
+        Bounds b;
+        for (int axis = 0; axis < 3; ++axis) {
+          b.lower[axis] = in_crowd ? spot + random() % 99 : random() % 12 << 28;
+          b.upper[axis] = b.lower[axis] + (in_crowd ? 1000 : random() % (1u << 28));
+        }
+        boxes.bounds.push_back(b);
+        boxes.crowds.push_back(in_crowd ? 3u | (i < 20 ? 0u : 1u << 31) : 0u);
+      }
+      boxes.present.assign(crowded + others, 1);
+      boxes.resting.assign(crowded + others, 0);
+      boxes.groups.assign(crowded + others, 0);
+      REQUIRE(sorted(sweep.find(boxes.bounds, boxes.present, boxes.resting, {}, {}, boxes.crowds)) ==
+              brute_force(boxes));
+    }
+  }
+}
+
 TEST_CASE("crowds may begin and end with the sweep") {
   Boxes boxes;
   boxes.bounds.assign(50, Bounds{{5, 5, 5}, {9, 9, 9}});

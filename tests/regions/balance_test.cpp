@@ -263,5 +263,31 @@ TEST_CASE("a crowd in a cell that is 10^6 times as wide takes few cuts") {
   }
 }
 
+TEST_CASE("no object of a lattice in one cell is on both sides of a cut") {
+  const CellGrid grid{{2, 2, 2}};
+  for (const std::uint32_t row : {6u, 7u, 15u}) {
+    CAPTURE(row);
+    constexpr std::uint32_t corner = 0x90000000u, step = 300, radius = 100;
+    std::vector<Weight> weights;
+    for (std::uint32_t i = 0; i < row * row * row; ++i) {
+      weights.push_back(
+          {{corner + step * (i % row), corner + step * (i / row % row), corner + step * (i / row / row)}, 1});
+    }
+    Refinement refinement(grid);
+    const std::uint32_t smallest[3] = {2 * radius, 2 * radius, 2 * radius};
+    refinement.refine(weights, static_cast<double>(weights.size()) / 3, smallest);
+    REQUIRE(refinement.leaves().size() > grid.cells() + 2);
+    for (const Leaf& leaf : refinement.leaves()) {
+      for (const Weight& each : weights) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const std::uint32_t at = each.point[axis], below = leaf.bounds.lower[axis], above = leaf.bounds.upper[axis];
+          REQUIRE((at + radius < below || at - radius >= below));
+          REQUIRE((at - radius > above || at + radius <= above));
+        }
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace ringfence::regions

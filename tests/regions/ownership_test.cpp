@@ -3,10 +3,13 @@
 #include <cmath>
 #include <random>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
 
+#include "regions/owned_boxes.hpp"
+#include "regions/recent_owners.hpp"
 #include "regions/region_map.hpp"
 
 namespace ringfence::regions {
@@ -205,10 +208,37 @@ TEST_CASE("exactly the owners of the space that bounds cover are visited, each o
   });
 }
 
+TEST_CASE("recent owners are those that the map has, however the bounds follow each other") {
+  for_each_map(37, [](const RegionMap& map, std::mt19937_64& random) {
+    RecentOwners recent;
+    Bounds bounds{};
+    for (int round = 0; round < 400; ++round) {
+      if (round % 10 == 0) {
+        bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
+      }
+      const unsigned step_bits = static_cast<unsigned>(random() % 28);
+      for (int axis = 0; axis < 3; ++axis) {  // wraps around, so the corners have to be ordered again
+        bounds.lower[axis] += static_cast<std::uint32_t>(random() % (1u << step_bits));
+        bounds.upper[axis] += static_cast<std::uint32_t>(random() % (1u << step_bits));
+        if (bounds.lower[axis] > bounds.upper[axis]) std::swap(bounds.lower[axis], bounds.upper[axis]);
+      }
+      std::set<NodeNumber> expected;
+      map.visit_owners(bounds, [&](NodeNumber node) {
+        expected.insert(node);
+        return true;
+      });
+      const auto owners = recent.of(map, bounds);
+      REQUIRE(owners.size() == expected.size());
+      REQUIRE(std::set<NodeNumber>(owners.begin(), owners.end()) == expected);
+      REQUIRE(recent.covers(bounds));
+    }
+  });
+}
+
 TEST_CASE("bounds in the interior of a region are covered by its node only") {
   for_each_map(34, [](const RegionMap& map, std::mt19937_64& random) {
     for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
-      const Bounds interior = map.interior(node);
+      const Bounds interior = regions::interior(map, node);
       const auto cells = map.table().first(map.grid().cells());
       const bool any = std::count(cells.begin(), cells.end(), node) != 0;
       REQUIRE((interior.lower[0] <= interior.upper[0]) == any);
@@ -229,24 +259,53 @@ TEST_CASE("bounds in the interior of a region are covered by its node only") {
   });
 }
 
-TEST_CASE("the densest part of a region is owned by its node, below as many cuts as any of its parts") {
+TEST_CASE(
+    "the densest box of a region is owned by its node and contains a part below as many cuts as any of its parts") {
   for_each_map(36, [](const RegionMap& map, std::mt19937_64&) {
     std::vector<Part> parts = parts_of(map);
     for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
       std::size_t most = 0;
       for (const Part& part : parts) most = part.owner == node ? std::max(most, part.cuts) : most;
-      const Bounds densest = map.densest_part(node);
+      const Bounds densest = regions::densest_box(map, node);
       REQUIRE((densest.lower[0] <= densest.upper[0]) == (most > 0));
       if (most == 0) continue;
       REQUIRE(std::count_if(parts.begin(), parts.end(), [&](const Part& part) {
-                bool same = part.owner == node && part.cuts == most;
+                bool within = part.owner == node && part.cuts == most;
                 for (std::size_t axis = 0; axis < 3; ++axis) {
-                  same &= part.lower[axis] == densest.lower[axis] && part.upper[axis] == densest.upper[axis] + 1ull;
+                  within &= part.lower[axis] >= densest.lower[axis] && part.upper[axis] <= densest.upper[axis] + 1ull;
                 }
-                return same;
-              }) == 1);
+                return within;
+              }) >= 1);
+      REQUIRE(std::all_of(parts.begin(), parts.end(),
+                          [&](const Part& part) { return part.owner == node || !part.overlaps(densest); }));
     }
   });
+}
+
+TEST_CASE("the densest box joins the parts of a cell that make a box") {
+  // The last cell in quarters across x and y; node 0 owns those with the lower x.
+  const CellGrid grid{{1, 1, 0}};
+  const std::uint32_t middle = 0xc0000000u;
+  const std::array<std::uint32_t, 16> table = {1,
+                                               1,
+                                               1,
+                                               RegionMap::cut_entry(1, 0),  // cells
+                                               middle,
+                                               RegionMap::cut_entry(0, 1),
+                                               RegionMap::cut_entry(0, 2),  // cuts
+                                               middle,
+                                               0,
+                                               1,
+                                               middle,
+                                               RegionMap::cut_entry(2, 3),
+                                               1,
+                                               0x80000000u,
+                                               0,
+                                               0};
+  REQUIRE(RegionMap::is_table(table, grid, 2));
+  RegionMap map(grid, 2);
+  map.assign(table, 2, 2);
+  CHECK(regions::densest_box(map, 0) == Bounds{{0x80000000u, 0x80000000u, 0}, {middle - 1, 0xffffffffu, 0xffffffffu}});
 }
 
 TEST_CASE("a node that owns all cells covers all bounds, whatever its slot") {
@@ -284,7 +343,7 @@ TEST_CASE("the interior of a region that is a box is the whole region") {
     const CellGrid grid{{4, 4, 4}};
     const RegionMap map(grid, nodes);
     for (NodeNumber node = 0; node < nodes; ++node) {
-      const Bounds interior = map.interior(node);
+      const Bounds interior = regions::interior(map, node);
       double volume = 1;
       for (int axis = 0; axis < 3; ++axis) {
         volume *= static_cast<double>(std::uint64_t{interior.upper[axis]} - interior.lower[axis] + 1) / 4294967296.0;

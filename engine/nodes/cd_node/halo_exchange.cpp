@@ -88,7 +88,7 @@ void HaloExchange::apply_position(const messages::PositionRecord& record, bool g
   }
   const NextHost next = next_host(record);
   const bool inner = next == NextHost::self &&
-                     state_.region.map().coverage(record.bounds, state_.setup.node) == regions::Coverage::all;
+                     state_.region.coverage(record.bounds) == regions::Coverage::all;
   const auto filter = [&] {
     return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group, record.crowd);
   };

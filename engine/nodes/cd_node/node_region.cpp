@@ -1,6 +1,7 @@
 #include "nodes/cd_node/node_region.hpp"
 
 #include "messages/records.hpp"
+#include "regions/owned_boxes.hpp"
 
 namespace ringfence::nodes {
 
@@ -19,8 +20,8 @@ void NodeRegion::assign(NodeNumber node, std::uint32_t slots) {
 }
 
 void NodeRegion::find_boxes() {
-  interior_ = map_.interior(node_);
-  densest_part_ = map_.densest_part(node_);
+  interior_ = regions::interior(map_, node_);
+  densest_box_ = regions::densest_box(map_, node_);
 }
 
 NodeNumber NodeRegion::owner_at(const Vec3d& position) const noexcept {

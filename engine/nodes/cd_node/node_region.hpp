@@ -28,7 +28,7 @@ class NodeRegion {
   bool fits() const noexcept { return fits_; }
   /// Who shares objects with these bounds: `all` if they touch only this node's region.
   regions::Coverage coverage(const geometry::Bounds& bounds) const noexcept {
-    return geometry::contains(interior_, bounds) || geometry::contains(densest_part_, bounds)
+    return geometry::contains(interior_, bounds) || geometry::contains(densest_box_, bounds)
                ? regions::Coverage::all
                : map_.coverage(bounds, node_);
   }
@@ -57,7 +57,7 @@ class NodeRegion {
   NodeNumber node_;
   std::uint32_t slots_;
   // Boxes that are entirely in the region: one covers most of it, the other most of a crowd in one cell.
-  geometry::Bounds interior_, densest_part_;
+  geometry::Bounds interior_, densest_box_;
   bool fits_ = true;
   bool changed_ = false;
   std::vector<std::uint32_t> entries_;  ///< of the new map, received so far

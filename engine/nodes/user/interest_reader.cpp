@@ -26,6 +26,24 @@ SeenPart InterestReader::read(const Host& host, const OwnStates& own) {
   return {&seen, static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(seen.size() - first)};
 }
 
+namespace {
+
+/// Positions that have the same box of cells, as far as known: with two of them, all between them, because cells are a
+/// monotone function of each coordinate.
+struct SameBox {
+  Vec3d least, most;
+
+  bool contains(const Vec3d& p) const noexcept {
+    return least.x <= p.x && p.x <= most.x && least.y <= p.y && p.y <= most.y && least.z <= p.z && p.z <= most.z;
+  }
+  void add(const Vec3d& p) noexcept {
+    least = {std::min(least.x, p.x), std::min(least.y, p.y), std::min(least.z, p.z)};
+    most = {std::max(most.x, p.x), std::max(most.y, p.y), std::max(most.z, p.z)};
+  }
+};
+
+}  // namespace
+
 // Avatars that stand together have the same box.
 void InterestReader::list_boxes(const Host& host) {
   boxes_.clear();
@@ -34,16 +52,23 @@ void InterestReader::list_boxes(const Host& host) {
   }
   const Publications& all = publications_;
   const double r = interest_;
+  SameBox same{};  // as boxes_.back()
   for (std::size_t i = 0; i < host.size(); ++i) {
     const Hosted& object = host[i];
     if (object.category == static_cast<std::uint16_t>(Category::avatar) &&
         (object.object.flags & messages::flag_present) != 0) {
       const Vec3d p = object.pose.position;
+      if (!boxes_.empty() && same.contains(p)) {
+        continue;
+      }
       geometry::Bounds bounds;
       all.space->point({p.x - r, p.y - r, p.z - r}, bounds.lower);
       all.space->point({p.x + r, p.y + r, p.z + r}, bounds.upper);
       if (const CellBox box = all.grid.cells_of(bounds); boxes_.empty() || !(boxes_.back() == box)) {
         boxes_.push_back(box);
+        same = {p, p};
+      } else {
+        same.add(p);
       }
     }
   }

@@ -56,6 +56,8 @@ class InterestReader {
     own_ = own;
     seen_[frame_ & 1].clear();
   }
+  /// The frame of the last begin().
+  std::uint64_t frame() const noexcept { return frame_; }
   /// Reads near the avatars of `host`, each state once, except `own`. The server has allowed it.
   SeenPart read(const Host& host, const OwnStates& own);
 

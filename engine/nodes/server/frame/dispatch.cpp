@@ -78,6 +78,9 @@ void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
   const NodeNumber next = host.is_node() ? host.number() : 0xffffffffu;
   bool shared = false;
   ++stamp_;
+  // The avatars of a user who has many often stand together.
+  const bool follows = host.is_user() && host == last_host_;
+  last_host_ = host;
   if (present) {
     const auto notify_node = [&](NodeNumber node) {
       shared |= node != next;
@@ -85,11 +88,20 @@ void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
         nodes_[node].updates.push_back(slot);
       }
     };
-    cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, notify_node)
-         : regions::for_each_owner(map, now, stamps_, stamp_, notify_node);
+    if (follows) {
+      for (const NodeNumber node : avatar_owners_.of(map, objects.bounds()[slot])) {
+        stamps_[node] = stamp_;
+        notify_node(node);
+      }
+    } else {
+      cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, notify_node)
+           : regions::for_each_owner(map, now, stamps_, stamp_, notify_node);
+    }
   }
   const regions::CellBox notified_cells = objects.notified_cells(slot);
-  const bool same_owners = present && now == notified_cells && !(cuts && map.has_cuts(now));
+  const bool same_owners =
+      present && now == notified_cells &&
+      (!cuts || (follows ? avatar_owners_.covers(objects.notified_bounds(slot)) : !map.has_cuts(now)));
   if ((marks & notified_mark) != 0 && !all_objects && !same_owners) {
     // Stamped nodes receive the new position. Other nodes that have received the object before receive its removal.
     const auto leave = [&](NodeNumber node) {
@@ -118,6 +130,8 @@ void Dispatch::start(UpdateScope scope) {
     nodes_[slot].updates.clear();
     nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
   }
+  last_host_ = Endpoint::none();
+  avatar_owners_.reset();
   list_updates(scope);
   for (Node& node : nodes_) {
     node.update_run.start(node.updates.size());

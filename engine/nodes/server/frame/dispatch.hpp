@@ -9,6 +9,7 @@
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/run.hpp"
 #include "nodes/server/server_state.hpp"
+#include "regions/recent_owners.hpp"
 
 namespace ringfence::nodes {
 
@@ -68,6 +69,8 @@ class Dispatch {
   std::uint64_t sweep_ns_ = 0;
   std::vector<std::uint64_t> stamps_;
   std::uint64_t stamp_ = 0;
+  messages::Endpoint last_host_ = messages::Endpoint::none();  ///< of the last listed update
+  regions::RecentOwners avatar_owners_;
   std::size_t candidates_ = 0;
 };
 

@@ -340,9 +340,44 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
   }
 }
 
+namespace {
+
+/// Computes the bounds of changed objects, several at a time.
+class BoundsBatch {
+ public:
+  explicit BoundsBatch(ServerState& state) : state_(state) {}
+
+  void add(std::uint32_t slot, const ObjectRow& row) {
+    if (count_ == capacity) {
+      finish();
+    }
+    slots_[count_] = slot;
+    placed_[count_++] = {&row.pose, row.shape};
+  }
+  /// After the last add().
+  void finish() {
+    state_.setup.shapes->bounds({placed_, count_}, *state_.setup.space, bounds_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      state_.objects.bounds(slots_[i]) = bounds_[i];
+    }
+    count_ = 0;
+  }
+
+ private:
+  static constexpr std::size_t capacity = 64;
+  ServerState& state_;
+  std::size_t count_ = 0;
+  std::uint32_t slots_[capacity];
+  geometry::PlacedShape placed_[capacity];
+  geometry::Bounds bounds_[capacity];
+};
+
+}  // namespace
+
 // M1. User nodes are not trusted: a state is accepted only if the user hosts the object and the pose is valid.
 void Ingest::receive_states(PeerSession& session, const MessageView& message) {
   ObjectTable& objects = state_.objects;
+  BoundsBatch bounds(state_);
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto& record = message.view<messages::StateRecord>(i);
     if (state_.setup.quotas.updates != 0 &&
@@ -363,10 +398,11 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
     (void)make_valid(row.pose);  // normalises
     row.object.flags = record.object.flags & messages::flag_present;
     objects.set_jumped(slot, (record.object.flags & messages::flag_jumped) != 0);
-    objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    bounds.add(slot, row);
     std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved(slot);
   }
+  bounds.finish();
   session.received.states |= message.last();
 }
 
