@@ -1,7 +1,6 @@
 #include "regions/region_map.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cassert>
 #include <string>
 
@@ -39,17 +38,20 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   set_table(bisection.split(nodes, std::span<const double>{}));
 }
 
-// What no copy shares is used again. The fence pairs with the release of a copy that another thread has ended: what
-// that thread has read is not overwritten before.
-void RegionMap::set_table(std::span<const std::uint32_t> table) {
-  if (tables_ == nullptr || tables_.use_count() != 1) {
+RegionMap::Tables& RegionMap::SharedTables::own() {
+  // Only the threads of maps that share the tables can set the flag, and this map is not being copied now.
+  if (tables_ == nullptr || tables_->shared.load(std::memory_order_relaxed)) {
     tables_ = std::make_shared<Tables>();
   }
-  std::atomic_thread_fence(std::memory_order_acquire);
-  tables_->owners.assign(table.begin(), table.end());
-  table_ = tables_->owners;
-  find_uniform_boxes(tables_->uniform_boxes);
-  uniform_boxes_ = tables_->uniform_boxes;
+  return *tables_;
+}
+
+void RegionMap::set_table(std::span<const std::uint32_t> table) {
+  Tables& tables = tables_.own();
+  tables.owners.assign(table.begin(), table.end());
+  table_ = tables.owners;
+  find_uniform_boxes(tables.uniform_boxes);
+  uniform_boxes_ = tables.uniform_boxes;
   find_sole_owner();
 }
 

@@ -87,8 +87,7 @@ void HaloExchange::apply_position(const messages::PositionRecord& record, bool g
     return;
   }
   const NextHost next = next_host(record);
-  const bool inner = next == NextHost::self &&
-                     state_.region.coverage(record.bounds) == regions::Coverage::all;
+  const bool inner = next == NextHost::self && state_.region.coverage(record.bounds) == regions::Coverage::all;
   const auto filter = [&] {
     return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group, record.crowd);
   };
