@@ -45,6 +45,21 @@ void let_rest(RecordedWorld& world, std::uint32_t percent) {
   }
 }
 
+void let_all_move(RecordedWorld& world) {
+  constexpr double step = 0.02;
+  for (std::size_t i = 0; i < world.objects(); ++i) {
+    Pose before = world.frames[0][i];
+    double moved = 0;
+    for (std::size_t frame = 1; frame < world.frames.size(); ++frame) {
+      Pose& pose = world.frames[frame][i];
+      const Pose recorded = pose;
+      moved += recorded == before ? step : 0;
+      pose.position.x += moved;
+      before = recorded;
+    }
+  }
+}
+
 std::vector<std::uint64_t> ContactList::keys() const {
   std::vector<std::uint64_t> keys;
   for (const Contact& contact : contacts_) {

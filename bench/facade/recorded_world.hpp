@@ -43,6 +43,8 @@ RecordedWorld record_world(worlds::ShapeSetting shapes, std::uint32_t objects, s
 /// a twentieth is ten times as fast as the others. Objects near each other do not have numbers near each other.
 RecordedWorld make_drift_world(std::uint32_t objects, std::size_t frames);
 
+/// In the paper's world a third of the objects rests in each frame. Lets them move too: by 2 cm along x in a frame.
+void let_all_move(RecordedWorld& world);
 /// Lets `percent` of the objects, chosen by their numbers, rest: they keep their first pose.
 void let_rest(RecordedWorld& world, std::uint32_t percent);
 

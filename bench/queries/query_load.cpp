@@ -30,7 +30,11 @@ constexpr std::uint32_t objects = 64000;
 constexpr std::size_t recorded_frames = 8;
 
 const RecordedWorld& recorded() {
-  static const RecordedWorld world = record_world(worlds::ShapeSetting::mixed, objects, recorded_frames);
+  static const RecordedWorld world = [] {
+    RecordedWorld moving = record_world(worlds::ShapeSetting::mixed, objects, recorded_frames);
+    let_all_move(moving);
+    return moving;
+  }();
   return world;
 }
 

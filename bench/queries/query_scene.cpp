@@ -101,6 +101,7 @@ std::vector<RayQuery> make_rays(const Vec3d& min, const Vec3d& max, std::size_t 
 
 QueryScene make_moving_scene(std::uint32_t objects, Ask ask) {
   RecordedWorld recorded = record_world(worlds::ShapeSetting::mixed, objects, recorded_frames);
+  let_all_move(recorded);
   QueryScene out;
   out.scene = std::move(recorded.scene);
   out.shapes = std::move(recorded.shapes);

@@ -26,17 +26,6 @@ constexpr BoxGroup empty_group() noexcept {
   return group;
 }
 
-float least(const float (&of)[tree_width]) noexcept {
-  float half[tree_width / 2];
-  for (std::size_t i = 0; i < tree_width / 2; ++i) half[i] = std::min(of[i], of[i + tree_width / 2]);
-  return std::min(std::min(half[0], half[2]), std::min(half[1], half[3]));
-}
-float largest(const float (&of)[tree_width]) noexcept {
-  float half[tree_width / 2];
-  for (std::size_t i = 0; i < tree_width / 2; ++i) half[i] = std::max(of[i], of[i + tree_width / 2]);
-  return std::max(std::max(half[0], half[2]), std::max(half[1], half[3]));
-}
-
 std::size_t groups_of(std::size_t nodes) noexcept { return (nodes + tree_width - 1) / tree_width; }
 
 /// Numbers of groups of leaves, ascending; memory of builds on this thread.
@@ -94,21 +83,17 @@ double BoxTree::surface_of(std::size_t level) const noexcept {
   return sum;
 }
 
-/// Sets the nodes of a level above the `wanted` groups of leaves.
+/// Sets the groups of nodes of a level above the `wanted` groups of leaves.
 void BoxTree::fill_level(std::size_t level, std::span<const std::uint32_t> wanted) {
+  const TreeKernels kernels = choose_tree_kernels();
   const BoxGroup* const below = groups_.data() + levels_[level - 1];
   BoxGroup* const out = groups_.data() + levels_[level];
   std::size_t last = ~std::size_t{0};
   for (const std::uint32_t leaves : wanted) {
-    const std::size_t node = leaves >> (tree_width_log2 * (level - 1));
-    if (node == last) continue;
-    last = node;
-    BoxGroup& group = out[node / tree_width];
-    const std::size_t lane = node % tree_width;
-    for (std::size_t a = 0; a < 3; ++a) {
-      group.lower[a][lane] = least(below[node].lower[a]);
-      group.upper[a][lane] = largest(below[node].upper[a]);
-    }
+    const std::size_t group = leaves >> (tree_width_log2 * level), first = group * tree_width;
+    if (group == last) continue;
+    last = group;
+    kernels.fill_nodes(below + first, std::min(tree_width, level_size(level - 1) - first), out[group]);
   }
 }
 

@@ -1,4 +1,4 @@
-// The leaves of a BoxTree. Included once for each Highway target.
+// The boxes of a BoxTree. Included once for each Highway target.
 
 #if defined(RINGFENCE_QUERIES_FILLING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_QUERIES_FILLING_INL
@@ -134,6 +134,40 @@ inline void fill_leaves(const RowOrder& leaves, const BoxConverter& box_of, std:
     }
     for (std::size_t j = 0; j < count; ++j) {
       fill_group(leaves, wanted[k + j] * tree_width, box_of, loaded[j], groups[wanted[k + j]]);
+    }
+  }
+}
+
+#if HWY_TARGET != HWY_SCALAR
+// Lane i is the best of the eight floats `at(i)`, by `better`, which has no order.
+template <class At, class Better>
+HWY_INLINE auto best_of_four(const At& at, const Better& better) {
+  const hn::Full128<float> d;
+  const auto best = [&](std::size_t i) { return better(hn::Load(d, at(i)), hn::Load(d, at(i) + 4)); };
+  const auto merge = [&](auto p, auto q) { return better(hn::InterleaveLower(d, p, q), hn::InterleaveUpper(d, p, q)); };
+  return merge(merge(best(0), best(2)), merge(best(1), best(3)));
+}
+#endif
+
+inline void fill_nodes(const BoxGroup* children, std::size_t count, BoxGroup& out) {
+#if HWY_TARGET != HWY_SCALAR
+  if (count == tree_width) {
+    const hn::Full128<float> d;
+    for (std::size_t i = 0; i < tree_width; i += 4) {
+      for (std::size_t a = 0; a < 3; ++a) {
+        const auto lower = [&](std::size_t j) { return children[i + j].lower[a]; };
+        const auto upper = [&](std::size_t j) { return children[i + j].upper[a]; };
+        hn::Store(best_of_four(lower, [](auto p, auto q) { return hn::Min(p, q); }), d, out.lower[a] + i);
+        hn::Store(best_of_four(upper, [](auto p, auto q) { return hn::Max(p, q); }), d, out.upper[a] + i);
+      }
+    }
+    return;
+  }
+#endif
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      out.lower[a][i] = *std::min_element(children[i].lower[a], children[i].lower[a] + tree_width);
+      out.upper[a][i] = *std::max_element(children[i].upper[a], children[i].upper[a] + tree_width);
     }
   }
 }

@@ -13,8 +13,8 @@ namespace ringfence::queries {
 using FrameObject = narrow_phase::Body;
 
 /// The objects of a frame or of a part of it, in rows of any order. An object has a key, which it keeps from frame to
-/// frame as long as it is there: in a frame of a World its slot. Its row may be another one in each frame. Rows of
-/// which no key knows do not count.
+/// frame as long as it is there: in a frame of a World its slot. Its row may be another one in each frame. A row that
+/// is not in `row_of` does not count.
 struct FrameRows {
   static constexpr std::uint32_t none = 0xffffffffu;
 

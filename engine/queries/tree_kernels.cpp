@@ -11,7 +11,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::queries::HWY_NAMESPACE {
 
-TreeKernels tree_kernels() { return {fill_leaves, reach_boxes, reach_all, near_boxes, near_all}; }
+TreeKernels tree_kernels() { return {fill_leaves, fill_nodes, reach_boxes, reach_all, near_boxes, near_all}; }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -43,6 +43,8 @@ struct TreeKernels {
   /// Sets the boxes of these rows, eight to a group, for the `wanted` groups.
   void (*fill_leaves)(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted,
                       BoxGroup* groups);
+  /// Sets the boxes of `count` nodes, 1 to 8, to those around their groups of children.
+  void (*fill_nodes)(const BoxGroup* children, std::size_t count, BoxGroup& out);
   /// Boxes that are reached at a fraction of at most `limit`, about in the order of the fractions.
   std::uint64_t (*reach)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
   /// The same for a batch, with the limit of each query.

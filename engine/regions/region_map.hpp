@@ -224,7 +224,7 @@ class RegionMap {
     std::vector<std::uint8_t> uniform_boxes;
     std::atomic<bool> shared{false};  ///< a copy has had them, maybe on another thread
   };
-  /// Tables that copies share. Once they have been shared, nobody writes them again.
+  /// Tables that copies share. Once they have been shared, no map writes them again.
   class SharedTables {
    public:
     SharedTables() = default;

@@ -103,7 +103,8 @@ class Recorder {
 
   /// Records the objects that their hosts do not know.
   void record_missing(base::FrameStamp now) {
-    std::vector<bool> recorded(table_.slots());
+    thread_local std::vector<bool> recorded;
+    recorded.assign(table_.slots(), false);
     for (const std::uint32_t slot : frame_.slots()) recorded[slot] = true;
     for (std::uint32_t slot = 0; slot < table_.slots(); ++slot) {
       if (table_.present()[slot] == 0 || recorded[slot]) continue;
