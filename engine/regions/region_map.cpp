@@ -38,16 +38,8 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   set_table(bisection.split(nodes, std::span<const double>{}));
 }
 
-RegionMap::Tables& RegionMap::SharedTables::own() {
-  // Only the threads of maps that share the tables can set the flag, and this map is not being copied now.
-  if (tables_ == nullptr || tables_->shared.load(std::memory_order_relaxed)) {
-    tables_ = std::make_shared<Tables>();
-  }
-  return *tables_;
-}
-
 void RegionMap::set_table(std::span<const std::uint32_t> table) {
-  Tables& tables = tables_.own();
+  MapTables& tables = tables_.own();
   tables.owners.assign(table.begin(), table.end());
   table_ = tables.owners;
   find_uniform_boxes(tables.uniform_boxes);

@@ -1,15 +1,14 @@
 #pragma once
 
 #include <algorithm>
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <vector>
 
 #include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
+#include "regions/shared_tables.hpp"
 
 namespace ringfence::regions {
 
@@ -216,36 +215,6 @@ class RegionMap {
     const std::uint32_t x = across(0), y = across(1), z = across(2);
     return (x | y | z) <= 1 && (uniform_boxes_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
-  struct Tables {
-    std::vector<std::uint32_t> owners;
-    /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
-    /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three
-    /// axes.
-    std::vector<std::uint8_t> uniform_boxes;
-    std::atomic<bool> shared{false};  ///< a copy has had them, maybe on another thread
-  };
-  /// Tables that copies share. Once they have been shared, no map writes them again.
-  class SharedTables {
-   public:
-    SharedTables() = default;
-    SharedTables(const SharedTables& other) noexcept : tables_(other.tables_) { mark_shared(); }
-    SharedTables(SharedTables&&) noexcept = default;
-    SharedTables& operator=(const SharedTables& other) noexcept {
-      tables_ = other.tables_;
-      mark_shared();
-      return *this;
-    }
-    SharedTables& operator=(SharedTables&&) noexcept = default;
-    ~SharedTables() = default;
-    /// Tables that no copy has: these, or new ones. May throw std::bad_alloc.
-    Tables& own();
-
-   private:
-    void mark_shared() const noexcept {
-      if (tables_ != nullptr) tables_->shared.store(true, std::memory_order_relaxed);
-    }
-    std::shared_ptr<Tables> tables_;
-  };
   void set_table(std::span<const std::uint32_t> table);
   void find_uniform_boxes(std::vector<std::uint8_t>& uniform_boxes) const;
   void find_sole_owner() noexcept;
