@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <new>
 #include <span>
-#include <type_traits>
 
 #include "base/flat_list.hpp"
+#include "narrow_phase/query/ray/placed_rays.hpp"
 #include "queries/asked.hpp"
 #include "queries/reached_boxes.hpp"
 #include "queries/test_object.hpp"
@@ -21,7 +21,9 @@ namespace ringfence::queries {
 /// query tests what it reaches, the nearest first.
 ///
 /// Each `test` is `double test(std::size_t query, const FrameObject&, const Pose&, double limit)`: it tests an object
-/// and returns the limit from now on, a fraction; negative if the query is answered.
+/// and returns the limit from now on, a fraction; negative if the query is answered. That of Wanted::first also tests
+/// in two steps: `test.place(query, object, pose)` for up to PlacedRays::most queries, `test.run()`, and then
+/// `test.test_placed(i, query, object, limit)` for the i-th of them, in their order.
 ///
 /// Threads: belongs to one. Memory: grows to some megabytes, kept; without memory it searches one after another.
 /// Failure: passes on what `test` throws, but geometry::SupportFailure, which it counts.
@@ -35,8 +37,8 @@ class BlockSearch {
     all,    ///< all that the query reaches
     near,   ///< of shapes: all that the ball around the shape touches at its start
   };
-  template <class Part, class Asked, class Test>
-  void search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted, QueryWork& work,
+  template <Wanted wanted, class Part, class Asked, class Test>
+  void search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, QueryWork& work,
               const Test& test);
   /// Query number `query` by its reach. `test(object, pose, limit)` as above. `by_distance`: the limit is a distance in
   /// metres.
@@ -55,11 +57,11 @@ class BlockSearch {
   template <class Part, class Asked, class Test>
   void search_each(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                    QueryWork& work, const Test& test) const;
-  template <class Part, class Asked, class Test>
+  template <Wanted wanted, class Part, class Asked, class Test>
   void search_together(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
-                       Wanted wanted, QueryWork& work, const Test& test);
+                       QueryWork& work, const Test& test);
   template <class Part, class Asked, class Test>
-  void search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
+  bool search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                             std::size_t first, QueryWork& work, const Test& test);
   template <class Part, class Asked, class Test>
   bool search_step(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
@@ -70,6 +72,15 @@ class BlockSearch {
   template <class Part, class Asked, class Test>
   void test_all(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                 QueryWork& work, const Test& test);
+  /// A range of open_.
+  struct Chunk {
+    std::size_t begin, end;
+  };
+  template <class Part, class Asked, class Test>
+  std::size_t test_chunk(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
+                         Chunk of, std::size_t left, QueryWork& work, const Test& test);
+  template <class Part>
+  void prefetch(const Part& part, const FrameMoment& moment, std::size_t first, std::size_t i) const;
   bool reserve(std::size_t queries) noexcept;
 
   /// Fewer queries are searched one after another.
@@ -78,6 +89,8 @@ class BlockSearch {
   static constexpr std::size_t block = 4096;
   /// Objects are loaded this many tests in advance.
   static constexpr std::uint32_t prefetch_distance = 12;
+  /// Queries whose next tests begin together.
+  static constexpr std::size_t chunk = narrow_phase::PlacedRays::most;
 
   TreeKernels kernels_;
   ReachedBoxes reached_;
@@ -117,50 +130,45 @@ void BlockSearch::search_each(const Part& part, const FrameMoment& moment, std::
 }
 
 /// A block. If it reaches too much for the memory, its halves.
-template <class Part, class Asked, class Test>
+template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
 void BlockSearch::search_together(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
-                                  std::size_t first, Wanted wanted, QueryWork& work, const Test& test) {
+                                  std::size_t first, QueryWork& work, const Test& test) {
   if (asked.size() < smallest_batch) {
     search_each(part, moment, asked, first, work, test);
     return;
   }
-  if (wanted == Wanted::first) {
-    search_nearest_first(part, moment, asked, first, work, test);
-    return;
-  }
-  const bool near = wanted == Wanted::near;
-  const auto reach_of_query = [&](const Asked& query) {
-    if constexpr (std::is_same_v<Asked, AskedShape>) {
-      if (near) return near_reach_of(part.tree(), query);
+  if constexpr (wanted == Wanted::first) {
+    if (search_nearest_first(part, moment, asked, first, work, test)) return;
+  } else {
+    constexpr bool near = wanted == Wanted::near;
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      if constexpr (near) {
+        reached_.reach(i) = near_reach_of(part.tree(), asked[i]);
+      } else {
+        reached_.reach(i) = reach_of(part.tree(), asked[i]);
+      }
     }
-    return reach_of(part.tree(), query);
-  };
-  for (std::size_t i = 0; i < asked.size(); ++i) reached_.reach(i) = reach_of_query(asked[i]);
-  if (reached_.find(near ? kernels_.near_all : kernels_.reach_all, part.tree(), asked.size(), work.boxes)) {
-    test_all(part, moment, asked, first, work, test);
-    return;
+    if (reached_.find(near ? kernels_.near_all : kernels_.reach_all, part.tree(), asked.size(), work.boxes)) {
+      test_all(part, moment, asked, first, work, test);
+      return;
+    }
   }
+  // What was tested before does no harm.
   const std::size_t half = asked.size() / 2;
-  search_together(part, moment, asked.first(half), first, wanted, work, test);
-  search_together(part, moment, asked.subspan(half), first + half, wanted, work, test);
+  search_together<wanted>(part, moment, asked.first(half), first, work, test);
+  search_together<wanted>(part, moment, asked.subspan(half), first + half, work, test);
 }
 
 /// In two steps, because the tree is searched for all boxes that a query reaches: those behind its first hit are not
-/// searched if that is in the first part of its way.
+/// searched if that is in the first part of its way. False if they reach too much for the memory.
 template <class Part, class Asked, class Test>
-void BlockSearch::search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
+bool BlockSearch::search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                                        std::size_t first, QueryWork& work, const Test& test) {
   constexpr float first_part = 0.375f;
   unanswered_.clear();
   for (std::uint32_t i = 0; i < asked.size(); ++i) unanswered_.push_back({i, 0, 0, 1});
-  if (search_step(part, moment, asked, first, 0, first_part, work, test) &&
-      search_step(part, moment, asked, first, first_part, 1, work, test)) {
-    return;
-  }
-  // What was tested before does no harm.
-  const std::size_t half = asked.size() / 2;
-  search_together(part, moment, asked.first(half), first, Wanted::first, work, test);
-  search_together(part, moment, asked.subspan(half), first + half, Wanted::first, work, test);
+  return search_step(part, moment, asked, first, 0, first_part, work, test) &&
+         search_step(part, moment, asked, first, first_part, 1, work, test);
 }
 
 /// Tests what the unanswered queries reach between two fractions. False if they reach too much for the memory.
@@ -198,27 +206,53 @@ void BlockSearch::test_nearest_first(const Part& part, const FrameMoment& moment
   }
   while (!open_.empty()) {
     std::size_t left = 0;
-    const std::size_t last = open_.size() - 1;
-    for (std::size_t i = 0; i < open_.size(); ++i) {
-      const auto later = [&](std::size_t ahead) -> const Open& {
-        return unanswered_[open_[std::min(i + ahead, last)]];
-      };
-      part.prefetch_place(reached_[later(2 * prefetch_distance).next].box);
-      const Open& soon = later(prefetch_distance);
-      prefetch_at(part, moment, first + soon.number, reached_[soon.next].box);
-      Open& query = unanswered_[open_[i]];
-      const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
-        return test(first + query.number, object, pose, limit);
-      };
-      query.limit = test_object(part, moment, first + query.number, reached_[query.next].box,
-                                asked[query.number].filter, query.limit, work, test_one);
-      reached_.bring_nearest(++query.next, query.end);
-      const bool goes_on = query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
-      open_[left] = open_[i];
-      left += goes_on ? 1 : 0;
+    for (std::size_t i = 0; i < std::min(open_.size(), chunk); ++i) prefetch(part, moment, first, i);
+    for (std::size_t i = 0; i < open_.size(); i += chunk) {
+      left = test_chunk(part, moment, asked, first, {i, std::min(i + chunk, open_.size())}, left, work, test);
     }
     open_.resize(left);
   }
+}
+
+/// Prefetches what the i-th open query tests next, and the place of what a later one does.
+template <class Part>
+inline void BlockSearch::prefetch(const Part& part, const FrameMoment& moment, std::size_t first, std::size_t i) const {
+  const std::size_t last = open_.size() - 1;
+  part.prefetch_place(reached_[unanswered_[open_[std::min(i + prefetch_distance, last)]].next].box);
+  const Open& query = unanswered_[open_[std::min(i, last)]];
+  prefetch_at(part, moment, first + query.number, reached_[query.next].box);
+}
+
+/// The open queries of a chunk test their nearest boxes. Keeps those that go on, behind the first `left`; returns how
+/// many there are then.
+template <class Part, class Asked, class Test>
+std::size_t BlockSearch::test_chunk(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
+                                    std::size_t first, Chunk of, std::size_t left, QueryWork& work, const Test& test) {
+  const FrameObject* objects[chunk];  // null: nothing is tested
+  for (std::size_t i = of.begin; i < of.end; ++i) {
+    const Open& query = unanswered_[open_[i]];
+    const std::uint32_t box = reached_[query.next].box;
+    const std::size_t number = first + query.number;
+    const FrameObject*& object = objects[i - of.begin] =
+        admitted_at(part, moment, number, box, asked[query.number].filter);
+    if (object != nullptr) test.place(number, *object, pose_at(part, moment, number, box));
+  }
+  test.run();
+  std::size_t placed = 0;
+  for (std::size_t i = of.begin; i < of.end; ++i) {
+    prefetch(part, moment, first, i + chunk);
+    Open& query = unanswered_[open_[i]];
+    if (const FrameObject* const object = objects[i - of.begin]; object != nullptr) {
+      query.limit = guarded(work, query.limit,
+                            [&] { return test.test_placed(placed, first + query.number, *object, query.limit); });
+      ++placed;
+    }
+    reached_.bring_nearest(++query.next, query.end);
+    const bool goes_on = query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
+    open_[left] = open_[i];
+    left += goes_on ? 1 : 0;
+  }
+  return left;
 }
 
 /// In the order of the queries.
@@ -241,16 +275,16 @@ void BlockSearch::test_all(const Part& part, const FrameMoment& moment, std::spa
   }
 }
 
-template <class Part, class Asked, class Test>
-void BlockSearch::search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, Wanted wanted,
-                         QueryWork& work, const Test& test) {
+template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
+void BlockSearch::search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, QueryWork& work,
+                         const Test& test) {
   if (asked.size() < smallest_batch || !reserve(std::min(block, asked.size()))) {
     search_each(part, moment, asked, 0, work, test);
     return;
   }
   for (std::size_t first = 0; first < asked.size(); first += block) {
-    search_together(part, moment, asked.subspan(first, std::min(block, asked.size() - first)), first, wanted, work,
-                    test);
+    search_together<wanted>(part, moment, asked.subspan(first, std::min(block, asked.size() - first)), first, work,
+                            test);
   }
 }
 

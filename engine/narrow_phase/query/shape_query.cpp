@@ -68,28 +68,16 @@ bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, con
   return false;
 }
 
-}  // namespace
-
-Ray Ray::along(const Vec3d& start, const Vec3d& displacement) noexcept {
-  Ray ray{start, displacement, {}, safe_length(displacement)};
-  if (ray.length > 0) {
-    const Vec3d& d = displacement;
-    ray.direction = {d.x / ray.length, d.y / ray.length, d.z / ray.length};
-  }
-  return ray;
-}
-
-bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
-              ShapeHit& hit) {
+/// A ray whose line meets the ball around the shape. `rotation()`: from the axes of the shape to the world's.
+template <class Rotation>
+bool cast_on_axes(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& local, const Rotation& rotation,
+                  const Ray& ray, double limit, ShapeHit& hit) {
   const geometry::ShapeRow& row = shapes.row(shape);
-  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
-  const double size = double{row.bounding_radius};
-  const LocalRay local(ray, pose.position, rotation, size);
-  if (dot(local.foot, local.foot) > size * size * (1 + 0x1p-20) + local.slack * local.slack) return false;
-
   std::uint32_t triangle = 0;
   PlaneClip clip;
-  if (row.kind == ShapeKind::hull) clip = clip_by_planes(shapes.hull(row.index_in_kind), local, 0x1p-40 * size);
+  if (row.kind == ShapeKind::hull) {
+    clip = clip_by_planes(shapes.hull(row.index_in_kind), local, 0x1p-40 * double{row.bounding_radius});
+  }
   if (starts_inside(shapes, shape, local, clip, triangle)) {
     hit = ShapeHit::at_start(ray);
     hit.triangle = triangle;
@@ -103,10 +91,36 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
   if (fraction > limit) return false;
   hit = {};
   hit.fraction = fraction;
-  hit.normal = geometry::rotate(rotation, found.normal);
+  hit.normal = geometry::rotate(rotation(), found.normal);
   hit.point = ray.start + ray.displacement * fraction;
   hit.triangle = triangle;
   return true;
+}
+
+}  // namespace
+
+Ray Ray::along(const Vec3d& start, const Vec3d& displacement) noexcept {
+  Ray ray{start, displacement, {}, safe_length(displacement)};
+  if (ray.length > 0) {
+    const Vec3d& d = displacement;
+    ray.direction = {d.x / ray.length, d.y / ray.length, d.z / ray.length};
+  }
+  return ray;
+}
+
+bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
+              ShapeHit& hit) {
+  const double size = double{shapes.row(shape).bounding_radius};
+  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
+  const LocalRay local(ray, pose.position, rotation, size);
+  return !local.misses_ball(size) && cast_on_axes(
+                                         shapes, shape, local, [&] { return rotation; }, ray, limit, hit);
+}
+
+bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+              const Ray& ray, double limit, ShapeHit& hit) {
+  return !placed.misses(i) && cast_on_axes(
+                                  shapes, shape, placed.ray(i), [&] { return placed.rotation(i); }, ray, limit, hit);
 }
 
 bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
