@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <new>
 #include <span>
@@ -21,9 +22,10 @@ namespace ringfence::queries {
 /// query tests what it reaches, the nearest first.
 ///
 /// Each `test` is `double test(std::size_t query, const FrameObject&, const Pose&, double limit)`: it tests an object
-/// and returns the limit from now on, a fraction; negative if the query is answered. That of Wanted::first also tests
-/// in two steps: `test.place(query, object, pose)` for up to PlacedRays::most queries, `test.run()`, and then
-/// `test.test_placed(i, query, object, limit)` for the i-th of them, in their order.
+/// and returns the limit from now on, a fraction, of points a distance in metres; negative if the query is answered.
+/// Those of Wanted::first and Wanted::nearest also test in two steps: `test.place(query, object, pose)` for up to
+/// PlacedRays::most queries, `test.run()`, and then `test.test_placed(i, query, object, limit)` for the i-th of them,
+/// in their order. Of boxes that are reached behind `test.last_place(limit)` none is of interest.
 ///
 /// Threads: belongs to one. Memory: grows to some megabytes, kept; without memory it searches one after another.
 /// Failure: passes on what `test` throws, but geometry::SupportFailure, which it counts.
@@ -33,9 +35,10 @@ class BlockSearch {
 
   /// Which boxes a search tests.
   enum class Wanted {
-    first,  ///< those that the query reaches, the nearest first, until the answer is known
-    all,    ///< all that the query reaches
-    near,   ///< of shapes: all that the ball around the shape touches at its start
+    first,    ///< those that the query reaches, the nearest first, until the answer is known
+    all,      ///< all that the query reaches
+    near,     ///< of shapes: all that the ball around the shape touches at its start
+    nearest,  ///< of points: as `first`, in the order of their distances
   };
   template <Wanted wanted, class Part, class Asked, class Test>
   void search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, QueryWork& work,
@@ -54,7 +57,10 @@ class BlockSearch {
     std::uint32_t end;     ///< of its boxes there
     double limit;          ///< a box that is reached later does not count
   };
-  template <class Part, class Asked, class Test>
+  template <Wanted wanted, class Part, class Asked, class Test>
+  void search_rest(const Part& part, const FrameMoment& moment, const Asked& asked, std::size_t query, double limit,
+                   QueryWork& work, const Test& test) const;
+  template <Wanted wanted, class Part, class Asked, class Test>
   void search_each(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                    QueryWork& work, const Test& test) const;
   template <Wanted wanted, class Part, class Asked, class Test>
@@ -64,6 +70,9 @@ class BlockSearch {
   bool search_nearest_first(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                             std::size_t first, QueryWork& work, const Test& test);
   template <class Part, class Asked, class Test>
+  void search_nearest_points(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
+                             std::size_t first, QueryWork& work, const Test& test);
+  template <Wanted wanted, class Part, class Asked, class Test>
   bool search_step(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, std::size_t first,
                    float begin, float end, QueryWork& work, const Test& test);
   template <class Part, class Asked, class Test>
@@ -91,6 +100,14 @@ class BlockSearch {
   static constexpr std::uint32_t prefetch_distance = 12;
   /// Queries whose next tests begin together.
   static constexpr std::size_t chunk = narrow_phase::PlacedRays::most;
+  /// The distance within which nearest objects are searched first, relative to the size of a group of eight boxes.
+  static constexpr double near_part = 0.2;
+
+  static double first_limit(const AskedPoint& asked) noexcept { return asked.distance; }
+  template <class Asked>
+  static double first_limit(const Asked&) noexcept {
+    return 1;
+  }
 
   TreeKernels kernels_;
   ReachedBoxes reached_;
@@ -118,15 +135,23 @@ void BlockSearch::search_one(const Part& part, const FrameMoment& moment, std::s
 }
 
 /// One after another. `first` is the number of the first query.
-template <class Part, class Asked, class Test>
+template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
 void BlockSearch::search_each(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                               std::size_t first, QueryWork& work, const Test& test) const {
   for (std::size_t i = 0; i < asked.size(); ++i) {
-    const auto test_one = [&](const FrameObject& object, const Pose& pose, double limit) {
-      return test(first + i, object, pose, limit);
-    };
-    search_one(part, moment, first + i, reach_of(part.tree(), asked[i]), 1, asked[i].filter, work, test_one, false);
+    search_rest<wanted>(part, moment, asked[i], first + i, first_limit(asked[i]), work, test);
   }
+}
+
+/// One query, by itself, up to a limit.
+template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
+void BlockSearch::search_rest(const Part& part, const FrameMoment& moment, const Asked& asked, std::size_t query,
+                              double limit, QueryWork& work, const Test& test) const {
+  const auto test_one = [&](const FrameObject& object, const Pose& pose, double most) {
+    return test(query, object, pose, most);
+  };
+  search_one(part, moment, query, reach_of(part.tree(), asked), limit, asked.filter, work, test_one,
+             wanted == Wanted::nearest);
 }
 
 /// A block. If it reaches too much for the memory, its halves.
@@ -134,10 +159,13 @@ template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
 void BlockSearch::search_together(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                                   std::size_t first, QueryWork& work, const Test& test) {
   if (asked.size() < smallest_batch) {
-    search_each(part, moment, asked, first, work, test);
+    search_each<wanted>(part, moment, asked, first, work, test);
     return;
   }
-  if constexpr (wanted == Wanted::first) {
+  if constexpr (wanted == Wanted::nearest) {
+    search_nearest_points(part, moment, asked, first, work, test);
+    return;
+  } else if constexpr (wanted == Wanted::first) {
     if (search_nearest_first(part, moment, asked, first, work, test)) return;
   } else {
     constexpr bool near = wanted == Wanted::near;
@@ -167,12 +195,32 @@ bool BlockSearch::search_nearest_first(const Part& part, const FrameMoment& mome
   constexpr float first_part = 0.375f;
   unanswered_.clear();
   for (std::uint32_t i = 0; i < asked.size(); ++i) unanswered_.push_back({i, 0, 0, 1});
-  return search_step(part, moment, asked, first, 0, first_part, work, test) &&
-         search_step(part, moment, asked, first, first_part, 1, work, test);
+  return search_step<Wanted::first>(part, moment, asked, first, 0, first_part, work, test) &&
+         search_step<Wanted::first>(part, moment, asked, first, first_part, 1, work, test);
 }
 
-/// Tests what the unanswered queries reach between two fractions. False if they reach too much for the memory.
+/// First within a distance in which most points have an object, then within twice that, because all boxes within it are
+/// searched. Points that are far from all objects are searched one after another, and so are all if that distance has
+/// too many.
 template <class Part, class Asked, class Test>
+void BlockSearch::search_nearest_points(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
+                                        std::size_t first, QueryWork& work, const Test& test) {
+  // The side of a cube with the mean surface of the groups of eight boxes.
+  const double side = std::sqrt(part.tree().cost() * (static_cast<double>(tree_width) / 3));
+  const float near = static_cast<float>(near_part * side);
+  unanswered_.clear();
+  for (std::uint32_t i = 0; i < asked.size(); ++i) unanswered_.push_back({i, 0, 0, first_limit(asked[i])});
+  if (search_step<Wanted::nearest>(part, moment, asked, first, 0, near, work, test)) {
+    search_step<Wanted::nearest>(part, moment, asked, first, near, 2 * near, work, test);
+  }
+  for (const Open& query : unanswered_.span()) {
+    search_rest<Wanted::nearest>(part, moment, asked[query.number], first + query.number, query.limit, work, test);
+  }
+}
+
+/// Tests what the unanswered queries reach between two fractions or distances. False if they reach too much for the
+/// memory.
+template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
 bool BlockSearch::search_step(const Part& part, const FrameMoment& moment, std::span<const Asked> asked,
                               std::size_t first, float begin, float end, QueryWork& work, const Test& test) {
   for (std::size_t i = 0; i < unanswered_.size(); ++i) {
@@ -180,8 +228,11 @@ bool BlockSearch::search_step(const Part& part, const FrameMoment& moment, std::
     reach.begin = begin;
     reach.limit = std::min(end, static_cast<float>(unanswered_[i].limit * (1 + 0x1p-19)));
   }
-  if (!reached_.find(kernels_.reach_all, part.tree(), unanswered_.size(), work.boxes)) return false;
-  test_nearest_first(part, moment, asked, first, begin, work, test);
+  constexpr bool near = wanted == Wanted::nearest;
+  if (!reached_.find(near ? kernels_.near_all : kernels_.reach_all, part.tree(), unanswered_.size(), work.boxes)) {
+    return false;
+  }
+  test_nearest_first(part, moment, asked, first, near ? begin * begin : begin, work, test);
   std::size_t left = 0;
   for (std::size_t i = 0; i < unanswered_.size(); ++i) {
     unanswered_[left] = unanswered_[i];
@@ -248,7 +299,7 @@ std::size_t BlockSearch::test_chunk(const Part& part, const FrameMoment& moment,
       ++placed;
     }
     reached_.bring_nearest(++query.next, query.end);
-    const bool goes_on = query.next != query.end && double{reached_[query.next].at} <= query.limit * (1 + 0x1p-19);
+    const bool goes_on = query.next != query.end && double{reached_[query.next].at} <= test.last_place(query.limit);
     open_[left] = open_[i];
     left += goes_on ? 1 : 0;
   }
@@ -279,7 +330,7 @@ template <BlockSearch::Wanted wanted, class Part, class Asked, class Test>
 void BlockSearch::search(const Part& part, const FrameMoment& moment, std::span<const Asked> asked, QueryWork& work,
                          const Test& test) {
   if (asked.size() < smallest_batch || !reserve(std::min(block, asked.size()))) {
-    search_each(part, moment, asked, 0, work, test);
+    search_each<wanted>(part, moment, asked, 0, work, test);
     return;
   }
   for (std::size_t first = 0; first < asked.size(); first += block) {

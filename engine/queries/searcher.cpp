@@ -58,12 +58,44 @@ struct FirstHitTest {
     placed.add(path_of(asked[query]), pose, size);
   }
   void run() const { placed.run(); }
+  static double last_place(double limit) noexcept { return limit * (1 + 0x1p-19); }
   double test_placed(std::size_t i, std::size_t query, const FrameObject& object, double limit) const {
     // A shape that does not move has no line.
     if (placed.misses(i) && path_of(asked[query]).length > 0) return limit;
     return keep(query, object, limit, [&](double most, narrow_phase::ShapeHit& hit) {
       return is_placed_hit(moment, asked[query], object, placed, i, most, hit);
     });
+  }
+};
+
+/// The test of a search for nearest objects.
+struct NearestTest {
+  const FrameMoment& moment;
+  std::span<const AskedPoint> asked;
+  PlacedRays& placed;
+  std::span<ObjectPoint> found;
+
+  double operator()(std::size_t query, const FrameObject& object, const Pose& pose, double limit) const {
+    narrow_phase::NearestPoint point;
+    const bool is_near = find_nearest(moment.shapes, object.shape, pose, asked[query].point, limit, point);
+    return keep(query, object, is_near, point, limit);
+  }
+  void place(std::size_t query, const FrameObject&, const Pose& pose) const {
+    placed.add({asked[query].point, {}, {}, 0}, pose, 0);
+  }
+  void run() const { placed.run(); }
+  /// Boxes are sorted by the squares of their distances.
+  static double last_place(double limit) noexcept { return limit * limit * (1 + 0x1p-18); }
+  double test_placed(std::size_t i, std::size_t query, const FrameObject& object, double limit) const {
+    narrow_phase::NearestPoint point;
+    const bool is_near = find_nearest(moment.shapes, object.shape, placed, i, asked[query].point, limit, point);
+    return keep(query, object, is_near, point, limit);
+  }
+  double keep(std::size_t query, const FrameObject& object, bool is_near, const narrow_phase::NearestPoint& point,
+              double limit) const {
+    ObjectPoint& best = found[query];
+    if (is_near && comes_first(point.distance, object, best.nearest.distance, best.object)) best = {&object, point};
+    return best.object == nullptr ? limit : std::min(limit, best.nearest.distance);
   }
 };
 
@@ -191,20 +223,7 @@ void Searcher::finish_list(ListSink& found) {
 template <class Part>
 void Searcher::nearest(const Part& part, const FrameMoment& moment, std::span<const AskedPoint> asked,
                        std::span<ObjectPoint> found, QueryWork& work) noexcept {
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    ObjectPoint& best = found[i];
-    const AskedPoint& wanted = asked[i];
-    const auto test = [&](const FrameObject& object, const Pose& pose, double most) {
-      narrow_phase::NearestPoint point;
-      if (narrow_phase::find_nearest(moment.shapes, object.shape, pose, wanted.point, most, point) &&
-          comes_first(point.distance, object, best.nearest.distance, best.object)) {
-        best = {&object, point};
-      }
-      return best.object == nullptr ? most : best.nearest.distance;
-    };
-    search_.search_one(part, moment, i, part.tree().reach(wanted.point, wanted.point, {}), wanted.distance,
-                       wanted.filter, work, test, true);
-  }
+  search_.search<BlockSearch::Wanted::nearest>(part, moment, asked, work, NearestTest{moment, asked, placed_, found});
 }
 
 template void Searcher::cast(const FramePart&, const FrameMoment&, std::span<const AskedRay>, std::span<ObjectHit>,

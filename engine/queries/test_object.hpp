@@ -51,7 +51,7 @@ inline void prefetch_at(const SweptFrames& part, const FrameMoment& moment, std:
 /// The object of a box; null if it does not count or the filter leaves it out.
 template <class Part>
 inline const FrameObject* admitted_at(const Part& part, const FrameMoment& moment, std::size_t query, std::uint32_t box,
-                               const QueryFilter& filter) {
+                                      const QueryFilter& filter) {
   const FrameObject* const object = object_at(part, moment, query, box);
   const auto group = [&] { return group_at(part, moment, query, box); };
   return object != nullptr && admits(filter, *object, group) ? object : nullptr;

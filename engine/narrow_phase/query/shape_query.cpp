@@ -97,6 +97,25 @@ bool cast_on_axes(const geometry::ShapeView& shapes, ShapeNumber shape, const Lo
   return true;
 }
 
+/// The nearest point of a shape to `local`, on its axes. `rotation()`: from these to the world's.
+template <class Rotation>
+bool find_on_axes(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& local, const Rotation& rotation,
+                  const Vec3d& position, const Vec3d& point, double limit, NearestPoint& nearest) {
+  const geometry::ShapeRow& row = shapes.row(shape);
+  NearestPoint out;
+  Vec3d place;
+  if (row.kind == ShapeKind::mesh) {
+    if (!nearest_in_mesh(shapes.mesh(row.index_in_kind), local, limit, place, out.distance, out.triangle)) return false;
+  } else {
+    place = nearest_in_convex(shapes, shape, local);
+    out.distance = length(place - local);
+    if (!(out.distance <= limit)) return false;
+  }
+  out.point = place == local ? point : position + geometry::rotate(rotation(), place);
+  nearest = out;
+  return true;
+}
+
 }  // namespace
 
 Ray Ray::along(const Vec3d& start, const Vec3d& displacement) noexcept {
@@ -125,21 +144,17 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Placed
 
 bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
                   double limit, NearestPoint& nearest) {
-  const geometry::ShapeRow& row = shapes.row(shape);
   const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
   const Vec3d local = geometry::rotate_inverse(rotation, point - pose.position);
-  NearestPoint out;
-  Vec3d place;
-  if (row.kind == ShapeKind::mesh) {
-    if (!nearest_in_mesh(shapes.mesh(row.index_in_kind), local, limit, place, out.distance, out.triangle)) return false;
-  } else {
-    place = nearest_in_convex(shapes, shape, local);
-    out.distance = length(place - local);
-    if (!(out.distance <= limit)) return false;
-  }
-  out.point = place == local ? point : pose.position + geometry::rotate(rotation, place);
-  nearest = out;
-  return true;
+  return find_on_axes(
+      shapes, shape, local, [&] { return rotation; }, pose.position, point, limit, nearest);
+}
+
+bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+                  const Vec3d& point, double limit, NearestPoint& nearest) {
+  return find_on_axes(
+      shapes, shape, placed.ray(i).origin, [&] { return placed.rotation(i); }, placed.pose(i).position, point, limit,
+      nearest);
 }
 
 }  // namespace ringfence::narrow_phase

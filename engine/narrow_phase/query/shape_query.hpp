@@ -62,5 +62,8 @@ bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
 /// the bits of a result.
 bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
                   double limit, NearestPoint& nearest);
+/// The same for a point that has been placed on the axes of the shape, as a ray of no length.
+bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+                  const Vec3d& point, double limit, NearestPoint& nearest);
 
 }  // namespace ringfence::narrow_phase
