@@ -101,7 +101,7 @@ class BlockSearch {
   /// Queries whose next tests begin together.
   static constexpr std::size_t chunk = narrow_phase::PlacedRays::most;
   /// The distance within which nearest objects are searched first, relative to the size of a group of eight boxes.
-  static constexpr double near_part = 0.2;
+  static constexpr double near_part = 0.25;
 
   static double first_limit(const AskedPoint& asked) noexcept { return asked.distance; }
   template <class Asked>

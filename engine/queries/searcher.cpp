@@ -68,6 +68,9 @@ struct FirstHitTest {
   }
 };
 
+template <class Asked, class Keep>
+FirstHitTest(const FrameMoment&, std::span<const Asked>, PlacedRays&, const Keep&) -> FirstHitTest<Asked, Keep>;
+
 /// The test of a search for nearest objects.
 struct NearestTest {
   const FrameMoment& moment;

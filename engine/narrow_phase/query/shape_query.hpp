@@ -26,8 +26,8 @@ namespace ringfence::narrow_phase {
 /// whose displacement is zero hits what contains its start; a mesh if the start is on its surface, but for rounding.
 bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
               ShapeHit& hit);
-/// The same for a ray that has been placed on the axes of the shape: number `i` of `placed`, with the bounding radius of
-/// the shape as its size.
+/// The same for a ray that has been placed on the axes of the shape: number `i` of `placed`, with the bounding radius
+/// of the shape as its size.
 bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
               const Ray& ray, double limit, ShapeHit& hit);
 

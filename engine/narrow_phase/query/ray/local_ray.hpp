@@ -31,9 +31,7 @@ struct LocalRay {
   }
 
   /// Whether the line misses the ball around the shape's origin, but for rounding. `size` as above.
-  bool misses_ball(double size) const noexcept {
-    return dot(foot, foot) > size * size * (1 + 0x1p-20) + slack * slack;
-  }
+  bool misses_ball(double size) const noexcept { return dot(foot, foot) > size * size * (1 + 0x1p-20) + slack * slack; }
   Vec3d at(double place) const noexcept { return foot + direction * place; }
   /// A place that no hit with at most this fraction exceeds.
   double place_of(double fraction) const noexcept { return begin + fraction * length * (1 + 0x1p-40) + slack; }
