@@ -269,6 +269,10 @@ class HullAssembly {
                                           from.y, from.z, along.x, along.y, along.z, edge.length};
       for (std::size_t c = 0; c < edge_columns; ++c) hull_.edge_columns_[c * stride + i] = values[c];
     }
+    hull_.edge_ends_.reserve(count);
+    for (const HullEdge& edge : hull_.edges_) {
+      hull_.edge_ends_.push_back({static_cast<std::uint8_t>(edge.from), static_cast<std::uint8_t>(edge.to)});
+    }
   }
 
   std::span<const Vec3f> points_;

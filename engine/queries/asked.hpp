@@ -54,6 +54,11 @@ inline Reach reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
   return tree.reach(asked.path.start - ball, asked.path.start + ball, asked.path.displacement);
 }
 
+/// The boxes near a point, nearer than Reach::limit.
+inline Reach reach_of(const BoxTree& tree, const AskedPoint& asked) noexcept {
+  return tree.reach(asked.point, asked.point, {});
+}
+
 /// The boxes that the ball around the shape touches at its start: of a search near a point.
 inline Reach near_reach_of(const BoxTree& tree, const AskedShape& asked) noexcept {
   Reach reach = tree.reach(asked.path.start, asked.path.start, {});

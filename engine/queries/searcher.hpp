@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "narrow_phase/query/overlap_tests.hpp"
+#include "narrow_phase/query/ray/placed_rays.hpp"
 #include "narrow_phase/query/shape_hit.hpp"
 #include "queries/asked.hpp"
 #include "queries/block_search.hpp"
@@ -91,6 +92,7 @@ class Searcher {
   void list_overlaps(const geometry::ShapeView& shapes, ListSink& found);
 
   BlockSearch search_;
+  narrow_phase::PlacedRays placed_;
   /// A pair in overlap_tests_.
   struct Tested {
     std::uint32_t query;

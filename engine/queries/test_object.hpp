@@ -48,21 +48,35 @@ inline void prefetch_at(const SweptFrames& part, const FrameMoment& moment, std:
   part.prefetch_object(box, moment.times[query]);
 }
 
+/// The object of a box; null if it does not count or the filter leaves it out.
+template <class Part>
+inline const FrameObject* admitted_at(const Part& part, const FrameMoment& moment, std::size_t query, std::uint32_t box,
+                                      const QueryFilter& filter) {
+  const FrameObject* const object = object_at(part, moment, query, box);
+  const auto group = [&] { return group_at(part, moment, query, box); };
+  return object != nullptr && admits(filter, *object, group) ? object : nullptr;
+}
+
+/// Counts and does a test, which returns the limit from now on: `limit` if its support function fails.
+template <class Test>
+inline double guarded(QueryWork& work, double limit, const Test& test) {
+  ++work.tests;
+  try {
+    return test();
+  } catch (const geometry::SupportFailure&) {
+    ++work.failed_supports;
+    return limit;
+  }
+}
+
 /// Tests the object of one box, which a filter may leave out: `test(object, pose, limit)`. Returns the limit from now
 /// on.
 template <class Part, class Test>
 double test_object(const Part& part, const FrameMoment& moment, std::size_t query, std::uint32_t box,
                    const QueryFilter& filter, double limit, QueryWork& work, const Test& test) {
-  const FrameObject* const object = object_at(part, moment, query, box);
-  const auto group = [&] { return group_at(part, moment, query, box); };
-  if (object == nullptr || !admits(filter, *object, group)) return limit;
-  ++work.tests;
-  try {
-    return test(*object, pose_at(part, moment, query, box), limit);
-  } catch (const geometry::SupportFailure&) {
-    ++work.failed_supports;
-    return limit;
-  }
+  const FrameObject* const object = admitted_at(part, moment, query, box, filter);
+  if (object == nullptr) return limit;
+  return guarded(work, limit, [&] { return test(*object, pose_at(part, moment, query, box), limit); });
 }
 
 }  // namespace ringfence::queries

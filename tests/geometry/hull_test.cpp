@@ -77,9 +77,12 @@ void check_hull(const Hull& hull, const Points& points) {
     }
   }
   REQUIRE(half_edges.size() == 2 * hull.edge_count());
-  for (const geometry::HullEdge edge : hull.edges()) {
+  for (std::size_t i = 0; i < hull.edge_count(); ++i) {
+    const geometry::HullEdge& edge = hull.edges()[i];
     REQUIRE(half_edges.at({edge.from, edge.to}) == edge.left);
     REQUIRE(half_edges.at({edge.to, edge.from}) == edge.right);
+    REQUIRE(hull.edge_ends(i).from == edge.from);
+    REQUIRE(hull.edge_ends(i).to == edge.to);
   }
 
   for (std::size_t v = hull.vertex_count(); v < geometry::padded(hull.vertex_count()); ++v) {

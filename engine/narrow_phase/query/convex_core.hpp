@@ -28,6 +28,9 @@ class ConvexCore {
   /// A box around the placement's position.
   static ConvexCore box(Vec3d half_extents, const Placement& placement) noexcept;
 
+  /// Places the shape's origin somewhere else. Precondition: it is no triangle.
+  void move_to(const Vec3d& position) noexcept { placement_.position = position; }
+
   /// The point of the core that is farthest along `direction` (not zero, any length), in the frame. Throws
   /// geometry::SupportFailure if the core is a support function that fails.
   Vec3d support(Vec3d direction) const;

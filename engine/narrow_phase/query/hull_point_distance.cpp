@@ -30,7 +30,7 @@ std::optional<Vec3d> below(const geometry::Hull& hull, std::uint32_t face, const
 }
 
 Vec3d nearest_on_edge(const geometry::Hull& hull, std::uint32_t edge, const Vec3d& point) noexcept {
-  const geometry::HullEdge& ends = hull.edges()[edge];
+  const geometry::EdgeEnds ends = hull.edge_ends(edge);
   return nearest_on_segment(point, to_double(hull.vertex(ends.from)), to_double(hull.vertex(ends.to)));
 }
 
@@ -64,22 +64,18 @@ bool hull_point_distance(const ConvexCore& core, const Vec3d& point, double radi
     out.lower = double{highest.height} - rounding;
     return true;
   }
-  CoreDistance found;
   const double tolerance = distance_tolerance(core.reach(), true);
   const std::optional<Vec3d> on_face = below(hull, highest.face, local);
-  if (!(on_face && is_proven(hull, tolerance, local, *on_face, found)) &&
-      !is_proven(hull, tolerance, local, nearest_on_edge(hull, nearest_edge(hull, rounded), local), found)) {
+  if (!(on_face && is_proven(hull, tolerance, local, *on_face, out)) &&
+      !is_proven(hull, tolerance, local, nearest_on_edge(hull, nearest_edge(hull, rounded), local), out)) {
     return false;
   }
-  if (found.upper <= radius) {
-    found.kind = CoreDistance::Kind::touch;
-  } else if (found.lower > limit + radius) {
-    found.kind = CoreDistance::Kind::beyond;
-  }
-  found.on_a = core.to_frame(found.on_a);
-  found.on_b = point;
-  found.normal = core.turn_to_frame(found.normal);
-  out = found;
+  out.kind = out.upper <= radius          ? CoreDistance::Kind::touch
+             : out.lower > limit + radius ? CoreDistance::Kind::beyond
+                                          : CoreDistance::Kind::apart;
+  out.on_a = core.to_frame(out.on_a);
+  out.on_b = point;
+  out.normal = core.turn_to_frame(out.normal);
   return true;
 }
 

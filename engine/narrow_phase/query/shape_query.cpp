@@ -68,28 +68,16 @@ bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, con
   return false;
 }
 
-}  // namespace
-
-Ray Ray::along(const Vec3d& start, const Vec3d& displacement) noexcept {
-  Ray ray{start, displacement, {}, safe_length(displacement)};
-  if (ray.length > 0) {
-    const Vec3d& d = displacement;
-    ray.direction = {d.x / ray.length, d.y / ray.length, d.z / ray.length};
-  }
-  return ray;
-}
-
-bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
-              ShapeHit& hit) {
+/// A ray whose line meets the ball around the shape. `rotation()`: from the axes of the shape to the world's.
+template <class Rotation>
+bool cast_on_axes(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& local, const Rotation& rotation,
+                  const Ray& ray, double limit, ShapeHit& hit) {
   const geometry::ShapeRow& row = shapes.row(shape);
-  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
-  const double size = double{row.bounding_radius};
-  const LocalRay local(ray, pose.position, rotation, size);
-  if (dot(local.foot, local.foot) > size * size * (1 + 0x1p-20) + local.slack * local.slack) return false;
-
   std::uint32_t triangle = 0;
   PlaneClip clip;
-  if (row.kind == ShapeKind::hull) clip = clip_by_planes(shapes.hull(row.index_in_kind), local, 0x1p-40 * size);
+  if (row.kind == ShapeKind::hull) {
+    clip = clip_by_planes(shapes.hull(row.index_in_kind), local, 0x1p-40 * double{row.bounding_radius});
+  }
   if (starts_inside(shapes, shape, local, clip, triangle)) {
     hit = ShapeHit::at_start(ray);
     hit.triangle = triangle;
@@ -103,17 +91,17 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
   if (fraction > limit) return false;
   hit = {};
   hit.fraction = fraction;
-  hit.normal = geometry::rotate(rotation, found.normal);
+  hit.normal = geometry::rotate(rotation(), found.normal);
   hit.point = ray.start + ray.displacement * fraction;
   hit.triangle = triangle;
   return true;
 }
 
-bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
-                  double limit, NearestPoint& nearest) {
+/// The nearest point of a shape to `local`, on its axes. `rotation()`: from these to the world's.
+template <class Rotation>
+bool find_on_axes(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& local, const Rotation& rotation,
+                  const Vec3d& position, const Vec3d& point, double limit, NearestPoint& nearest) {
   const geometry::ShapeRow& row = shapes.row(shape);
-  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
-  const Vec3d local = geometry::rotate_inverse(rotation, point - pose.position);
   NearestPoint out;
   Vec3d place;
   if (row.kind == ShapeKind::mesh) {
@@ -123,9 +111,50 @@ bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Po
     out.distance = length(place - local);
     if (!(out.distance <= limit)) return false;
   }
-  out.point = place == local ? point : pose.position + geometry::rotate(rotation, place);
+  out.point = place == local ? point : position + geometry::rotate(rotation(), place);
   nearest = out;
   return true;
+}
+
+}  // namespace
+
+Ray Ray::along(const Vec3d& start, const Vec3d& displacement) noexcept {
+  Ray ray{start, displacement, {}, safe_length(displacement)};
+  if (ray.length > 0) {
+    const Vec3d& d = displacement;
+    ray.direction = {d.x / ray.length, d.y / ray.length, d.z / ray.length};
+  }
+  return ray;
+}
+
+bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
+              ShapeHit& hit) {
+  const double size = double{shapes.row(shape).bounding_radius};
+  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
+  const LocalRay local(ray, pose.position, rotation, size);
+  return !local.misses_ball(size) && cast_on_axes(
+                                         shapes, shape, local, [&] { return rotation; }, ray, limit, hit);
+}
+
+bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+              const Ray& ray, double limit, ShapeHit& hit) {
+  return !placed.misses(i) && cast_on_axes(
+                                  shapes, shape, placed.ray(i), [&] { return placed.rotation(i); }, ray, limit, hit);
+}
+
+bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
+                  double limit, NearestPoint& nearest) {
+  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
+  const Vec3d local = geometry::rotate_inverse(rotation, point - pose.position);
+  return find_on_axes(
+      shapes, shape, local, [&] { return rotation; }, pose.position, point, limit, nearest);
+}
+
+bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+                  const Vec3d& point, double limit, NearestPoint& nearest) {
+  return find_on_axes(
+      shapes, shape, placed.ray(i).origin, [&] { return placed.rotation(i); }, placed.pose(i).position, point, limit,
+      nearest);
 }
 
 }  // namespace ringfence::narrow_phase

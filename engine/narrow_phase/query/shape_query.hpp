@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "geometry/shape_view.hpp"
+#include "narrow_phase/query/ray/placed_rays.hpp"
 #include "narrow_phase/query/shape_hit.hpp"
 #include "ringfence/pose.hpp"
 
@@ -24,6 +26,10 @@ namespace ringfence::narrow_phase {
 /// whose displacement is zero hits what contains its start; a mesh if the start is on its surface, but for rounding.
 bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Ray& ray, double limit,
               ShapeHit& hit);
+/// The same for a ray that has been placed on the axes of the shape: number `i` of `placed`, with the bounding radius
+/// of the shape as its size.
+bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+              const Ray& ray, double limit, ShapeHit& hit);
 
 /// A convex shape that is swept or that overlaps: one of any table, with its orientation.
 struct QueryShape {
@@ -39,6 +45,10 @@ struct QueryShape {
 /// of both sizes with support functions. A shape that moves along a surface or away from it does not touch it.
 bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& moving,
                  const Ray& path, double limit, ShapeHit& hit);
+/// The same for a path that has been placed on the axes of the shape, with the bounding radii of both shapes as its
+/// size.
+bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+                 const QueryShape& moving, const Ray& path, double limit, ShapeHit& hit);
 
 /// Whether a convex shape at `position` overlaps or touches a shape: whether the two would be in contact, as
 /// NarrowPhase says, which computes in float where sizes allow. With meshes and support functions as precise as
@@ -52,5 +62,8 @@ bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
 /// the bits of a result.
 bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const Vec3d& point,
                   double limit, NearestPoint& nearest);
+/// The same for a point that has been placed on the axes of the shape, as a ray of no length.
+bool find_nearest(const geometry::ShapeView& shapes, ShapeNumber shape, const PlacedRays& placed, std::size_t i,
+                  const Vec3d& point, double limit, NearestPoint& nearest);
 
 }  // namespace ringfence::narrow_phase

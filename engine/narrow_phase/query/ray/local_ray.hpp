@@ -18,6 +18,7 @@ struct LocalRay {
   double length = 0;  ///< of the ray
   double slack = 0;   ///< metres: rounding; a hit this far before the begin or behind the end counts
 
+  LocalRay() noexcept = default;  ///< all zero
   /// `size`: radius of a ball around the shape's origin that contains the shape. Precondition: the length is not 0.
   LocalRay(const Ray& ray, const Vec3d& position, const geometry::RotationD& rotation, double size) noexcept
       : origin(geometry::rotate_inverse(rotation, ray.start - position)),
@@ -29,6 +30,8 @@ struct LocalRay {
     slack = 0x1p-46 * (size + ringfence::length(origin));
   }
 
+  /// Whether the line misses the ball around the shape's origin, but for rounding. `size` as above.
+  bool misses_ball(double size) const noexcept { return dot(foot, foot) > size * size * (1 + 0x1p-20) + slack * slack; }
   Vec3d at(double place) const noexcept { return foot + direction * place; }
   /// A place that no hit with at most this fraction exceeds.
   double place_of(double fraction) const noexcept { return begin + fraction * length * (1 + 0x1p-40) + slack; }

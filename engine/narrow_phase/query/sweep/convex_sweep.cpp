@@ -86,8 +86,10 @@ SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shap
     begin = first_place_behind_planes(shapes.hull(row.index_in_kind), moving.size(), path, begin, tolerance);
     if (begin > end) return none();
   }
+  ConvexCore placed = moving.at({});
   const auto gap = [&](double place) {
-    return gap_between(fixed, moving.at(path.at(place)), end - place + 4 * tolerance);
+    placed.move_to(path.at(place));
+    return gap_between(fixed, placed, end - place + 4 * tolerance);
   };
   return advance(gap, path.direction, begin, end, tolerance);
 }
