@@ -25,8 +25,10 @@ class SharedTables {
   SharedTables(const SharedTables& other) noexcept : tables_(other.tables_) { mark_shared(); }
   SharedTables(SharedTables&&) noexcept = default;
   SharedTables& operator=(const SharedTables& other) noexcept {
-    tables_ = other.tables_;
-    mark_shared();
+    if (this != &other) {
+      tables_ = other.tables_;
+      mark_shared();
+    }
     return *this;
   }
   SharedTables& operator=(SharedTables&&) noexcept = default;
