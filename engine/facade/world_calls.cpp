@@ -206,8 +206,12 @@ ObjectContacts World::collisions_of(ObjectId object) const {
 }
 
 std::span<const std::span<const SeenState>> World::seen_by(UserId user) const noexcept {
-  const nodes::UserRole* role = implementation_->reader(user);
-  return role == nullptr ? std::span<const std::span<const SeenState>>{} : role->seen(implementation_->frames - 1);
+  const Implementation& w = *implementation_;
+  const nodes::UserRole* role = w.reader(user);
+  if (role == nullptr || w.state.halt.is_set()) {
+    return {};  // after a halt: without threads, the frame that was not completed may have overwritten the states
+  }
+  return role->seen(w.frames - 1);
 }
 
 Status World::attach(QueryBatch& batch) {

@@ -79,7 +79,8 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
       publications{interest_grid(config, space), &space, {}, {}, nullptr},
-      server_publication(publications.grid.cells(), nodes_publish() ? 0 : config.capacities.objects),
+      server_publication(publications.grid.cells(), nodes_publish() ? 0 : config.capacities.objects, {},
+                         published_frames()),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
       starter(config, halt) {

@@ -30,14 +30,17 @@ void fence() noexcept {
 
 }  // namespace
 
-Publication::Publication(std::size_t cells, std::size_t states, CellLayout layout)
-    : cell_count_(cells), layout_(layout) {
+Publication::Publication(std::size_t cells, std::size_t states, CellLayout layout, std::size_t kept_frames)
+    : cell_count_(cells), layout_(layout), kept_frames_(kept_frames) {
+  assert(kept_frames == 1 || kept_frames == 2);
   added_.reserve(states);
+  cells_.reserve(states);
+  indices_.reserve(states);
+  sorted_indices_.reserve(states);
   keys_.reserve(states);
-  sorted_.reserve(states);
-  entries_.reserve(states);
+  sorted_keys_.reserve(states);
   const std::size_t max_cells = std::min(cells, max_directory_entries_per_state * states) + 2;
-  for (FrameBuffer& buffer : buffers_) {
+  for (FrameBuffer& buffer : std::span(buffers_).first(kept_frames)) {
     buffer.states.reserve(states);
     buffer.cells.reserve(max_cells);
     buffer.starts.reserve(max_cells);
@@ -46,13 +49,13 @@ Publication::Publication(std::size_t cells, std::size_t states, CellLayout layou
 }
 
 void Publication::begin(std::uint64_t frame) noexcept {
-  current_ ^= frame != frame_ ? 1 : 0;
+  current_ = frame != frame_ ? next_buffer() : current_;
   buffers_[current_].stamp.store(no_stamp, std::memory_order_relaxed);
   fence();
   frame_ = frame;
   ascending_ = true;
   added_.clear();
-  key_count_ = 0;
+  added_count_ = 0;
 }
 
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
@@ -62,7 +65,7 @@ void Publication::add(std::uint32_t cell, const PublishedState& state) {
 
 void Publication::publish() {
   if (ascending_) {
-    FrameBuffer& buffer = order_keys();
+    FrameBuffer& buffer = sort_added();
     buffer.states.swap(added_);
     places_.clear();
     finish(buffer);
@@ -77,32 +80,32 @@ void Publication::publish() {
   }
 }
 
-/// Sorts the keys by cell; keys of one cell stay in the order of adding. Also fills the directory of the current buffer
-/// if it is small enough. Returns the buffer.
-Publication::FrameBuffer& Publication::order_keys() {
+/// Sorts what was added by cell; states of one cell stay in the order of adding. Also fills the directory of the
+/// current buffer if it is small enough. Returns the buffer.
+Publication::FrameBuffer& Publication::sort_added() {
   FrameBuffer& buffer = buffers_[current_];
   buffer.dense = false;
-  if (key_count_ == 0) {
+  if (added_count_ == 0) {
     return buffer;
   }
   const std::size_t cells = find_cell_range(buffer);
-  buffer.dense = key_count_ > few_states && cells <= max_directory_entries_per_state * key_count_;
+  buffer.dense = added_count_ > few_states && cells <= max_directory_entries_per_state * added_count_;
   if (buffer.dense) {
-    counting_sort_keys(buffer, cells);
+    sort_by_counting(buffer, cells);
   } else if (!ascending_) {
-    sort_keys();
+    sort_by_keys();
   }
   return buffer;
 }
 
-/// Sets the buffer's box to the smallest box that contains the cells of all keys. Returns the number of cells in the
-/// box. Precondition: there is at least one key.
+/// Sets the buffer's box to the smallest box that contains the cells of all added states. Returns the number of cells
+/// in the box. Precondition: there is at least one state.
 std::size_t Publication::find_cell_range(FrameBuffer& buffer) const noexcept {
   const CellLayout layout = layout_;
-  CellLayout::Place lower = layout.place_of(cell_of(keys_.front()));
+  CellLayout::Place lower = layout.place_of(cells_.front());
   CellLayout::Place upper = lower;
-  for (const std::uint64_t key : keys()) {
-    const CellLayout::Place place = layout.place_of(cell_of(key));
+  for (const std::uint32_t cell : std::span(cells_).first(added_count_)) {
+    const CellLayout::Place place = layout.place_of(cell);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       lower.at[axis] = std::min(lower.at[axis], place.at[axis]);
       upper.at[axis] = std::max(upper.at[axis], place.at[axis]);
@@ -123,66 +126,69 @@ void Publication::finish(FrameBuffer& buffer) {
   buffer.stamp.store(frame_, std::memory_order_release);
 }
 
-/// Fills the directory, and sorts the keys by counting if they are not sorted. To sort, the number of keys of entry e
-/// is counted in element e + 2. After the prefix sum, element e + 1 is the first position of the keys of entry e. Each
-/// key that is placed increments this element, so in the end it is the first position of the keys of entry e + 1, which
-/// is the value that the directory needs.
-void Publication::counting_sort_keys(FrameBuffer& buffer, std::size_t cells) {
+/// Fills the directory and, if the cells do not ascend, sorts the indices by counting. To sort, the number of states of
+/// entry e is counted in element e + 2. After the prefix sum, element e + 1 is the first position of the states of
+/// entry e. Each state that is placed increments this element, so in the end it is the first position of the states of
+/// entry e + 1, which is the value that the directory needs.
+void Publication::sort_by_counting(FrameBuffer& buffer, std::size_t cells) {
   std::vector<std::uint32_t>& next = buffer.directory;
   const std::size_t shift = ascending_ ? 1 : 2;
   next.assign(cells + shift, 0);
-  entries_.resize(key_count_);
   const CellLayout layout = layout_;
   const Box box = buffer.box;
-  for (std::size_t i = 0; i < key_count_; ++i) {
-    entries_[i] = static_cast<std::uint32_t>(box.entry(layout.place_of(cell_of(keys_[i]))));
-  }
+  const std::span<std::uint32_t> entries(cells_.data(), added_count_);
+  for (std::uint32_t& cell : entries) cell = static_cast<std::uint32_t>(box.entry(layout.place_of(cell)));
   std::uint32_t* const counts = next.data() + shift;
-  for (const std::uint32_t entry : entries_) ++counts[entry];
+  for (const std::uint32_t entry : entries) ++counts[entry];
   for (std::size_t cell = 0; cell < cells; ++cell) next[cell + shift] += next[cell + shift - 1];
   if (ascending_) {
     return;
   }
-  sorted_.resize(keys_.size());
+  sorted_indices_.resize(indices_.size());
   std::uint32_t* const places = next.data() + 1;
-  std::uint64_t* const sorted = sorted_.data();
-  for (std::size_t i = 0; i < key_count_; ++i) sorted[places[entries_[i]]++] = keys_[i];
+  std::uint32_t* const sorted = sorted_indices_.data();
+  for (std::size_t i = 0; i < entries.size(); ++i) sorted[places[entries[i]]++] = indices_[i];
   next.pop_back();
-  keys_.swap(sorted_);
+  indices_.swap(sorted_indices_);
 }
 
-/// Sorts few keys by comparison, by cell and then index; more keys by radix sort, by cell only, with digits of 11 bits,
+/// Sorts few states by comparison, by cell and then index; more by radix sort, by cell only, with digits of 11 bits,
 /// least significant first. The order is the same, because radix sort is stable and indices are added in ascending
 /// order.
-void Publication::sort_keys() {
+void Publication::sort_by_keys() {
   constexpr std::size_t max_comparison_sort = 400;
-  if (key_count_ <= max_comparison_sort) {
-    std::sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(key_count_));
-    return;
+  keys_.resize(added_count_);
+  for (std::size_t i = 0; i < added_count_; ++i) keys_[i] = std::uint64_t{cells_[i]} << 32 | indices_[i];
+  if (added_count_ <= max_comparison_sort) {
+    std::sort(keys_.begin(), keys_.end());
+  } else {
+    constexpr unsigned digit_bits = 11;
+    constexpr std::uint64_t digits = std::uint64_t{1} << digit_bits;
+    const unsigned cell_bits = static_cast<unsigned>(std::bit_width(cell_count_ - 1));
+    sorted_keys_.resize(added_count_);
+    for (unsigned shift = 32; shift < 32 + cell_bits; shift += digit_bits) {
+      base::radix_pass(std::span<const std::uint64_t>(keys_), sorted_keys_.data(), digits,
+                       [shift](std::uint64_t key) { return key >> shift & (digits - 1); });
+      keys_.swap(sorted_keys_);
+    }
   }
-  constexpr unsigned digit_bits = 11;
-  constexpr std::uint64_t digits = std::uint64_t{1} << digit_bits;
-  const unsigned cell_bits = static_cast<unsigned>(std::bit_width(cell_count_ - 1));
-  sorted_.resize(keys_.size());
-  for (unsigned shift = 32; shift < 32 + cell_bits; shift += digit_bits) {
-    base::radix_pass(keys(), sorted_.data(), digits,
-                     [shift](std::uint64_t key) { return key >> shift & (digits - 1); });
-    keys_.swap(sorted_);
+  for (std::size_t i = 0; i < added_count_; ++i) {
+    cells_[i] = static_cast<std::uint32_t>(keys_[i] >> 32);
+    indices_[i] = static_cast<std::uint32_t>(keys_[i]);
   }
 }
 
-/// Lists the cells that have states, and the position of the first state of each. Precondition: keys_ are in ascending
-/// order of cell.
+/// Lists the cells that have states, and the position of the first state of each. Precondition: cells_ ascend.
 void Publication::collect_cells(FrameBuffer& buffer) {
   buffer.cells.clear();
   buffer.starts.clear();
-  for (std::size_t i = 0; i < key_count_; ++i) {
-    const std::uint32_t cell = cell_of(keys_[i]);
+  for (std::size_t i = 0; i < added_count_; ++i) {
+    const std::uint32_t cell = cells_[i];
     if (i != 0 && cell == buffer.cells.back()) continue;
     buffer.cells.push_back(cell);
     buffer.starts.push_back(static_cast<std::uint32_t>(i));
   }
-  buffer.starts.push_back(static_cast<std::uint32_t>(key_count_));
+  buffer.starts.push_back(static_cast<std::uint32_t>(added_count_));
   list_blocks(buffer);
 }
 
@@ -210,7 +216,7 @@ void Publication::collect_cells_dense(FrameBuffer& buffer) {
   }
   buffer.cells.resize(count);
   buffer.starts.resize(count + 1);
-  buffer.starts.back() = static_cast<std::uint32_t>(key_count_);
+  buffer.starts.back() = static_cast<std::uint32_t>(added_count_);
 }
 
 /// About as many blocks as cells with states, so that a search in a block is short unless the block is crowded. A few

@@ -46,12 +46,14 @@ using PublishedState = SeenState;
 
 /// The states of one frame, grouped by cell: written once by one thread, then read in place by any number of threads.
 ///
-/// Double-buffered: the last published frame and the one before it can be read.
+/// Double-buffered: the last published frame and the one before it can be read. Where one thread writes and reads, the
+/// last one is enough.
 ///
-/// The frame protocol guarantees that all readers of frame k have finished before the writer begins frame k + 2. (In
-/// lock-step they finish before the server lets frame k + 1 end.) A violation is detected: a buffer carries its frame's
-/// stamp only while it is complete, `read` returns nothing without the stamp, and a reader that has finished calls
-/// `is_intact`. If that returns false, what it read may be inconsistent and must be discarded.
+/// The frame protocol guarantees that all readers of frame k have finished before the writer begins frame k + 2, or
+/// k + 1 if one frame is kept. (In lock-step they finish before the server lets frame k + 1 end.) A violation is
+/// detected: a buffer carries its frame's stamp only while it is complete, `read` returns nothing without the stamp,
+/// and a reader that has finished calls `is_intact`. If that returns false, what it read may be inconsistent and must
+/// be discarded.
 ///
 /// Cost: proportional to the number of states, not of cells. Adding copies a state. Publishing moves no state if they
 /// were added in ascending order of cell. Otherwise it sorts keys (by counting if there are few cells a state, else by
@@ -65,12 +67,12 @@ using PublishedState = SeenState;
 class Publication {
  public:
   /// For cells 0 to `cells` - 1, at most 2^31. Reserves memory for `states` states a frame; more may be added, at the
-  /// cost of an allocation.
-  Publication(std::size_t cells, std::size_t states, CellLayout layout = {});
+  /// cost of an allocation. `kept_frames`: the number of frames that can be read, 1 or 2.
+  Publication(std::size_t cells, std::size_t states, CellLayout layout = {}, std::size_t kept_frames = 2);
 
-  /// Writer: starts `frame`, which is not less than any earlier one and less than 2^64 - 1. The states of two frames
-  /// ago are discarded. If `frame` is the current frame, it is published again from the start; no reader may have begun
-  /// to read it.
+  /// Writer: starts `frame`, which is not less than any earlier one and less than 2^64 - 1. The states of `kept_frames`
+  /// frames ago are discarded. If `frame` is the current frame, it is published again from the start; no reader may
+  /// have begun to read it.
   void begin(std::uint64_t frame) noexcept;
   /// Writer: adds a state of `cell`. Any order of cells; states of one cell keep their order of adding.
   void add(std::uint32_t cell, const PublishedState& state);
@@ -82,17 +84,20 @@ class Publication {
   /// Writer, instead of add(): adds the state of `cell` that is entry `index` of a table which the writer keeps.
   void add_index(std::uint32_t cell, std::uint32_t index) {
     assert(cell < cell_count_);
-    if (key_count_ == keys_.size()) grow_keys();
-    ascending_ &= key_count_ == 0 || cell_of(keys_[key_count_ - 1]) <= cell;
-    keys_[key_count_++] = key_of(cell, index);
+    if (added_count_ == indices_.size()) grow();
+    ascending_ &= added_count_ == 0 || cells_[added_count_ - 1] <= cell;
+    cells_[added_count_] = cell;
+    indices_[added_count_++] = index;
   }
   /// Writer: like add_index() for all `size` entries of the table. `cell_at(i)` is the cell of entry i, or `no_cell` to
   /// skip it.
   template <class CellAt>
   void add_table(std::uint32_t size, CellAt cell_at) {
-    if (keys_.size() < key_count_ + size) keys_.resize(key_count_ + size);
-    std::uint64_t* next = keys_.data() + key_count_;
-    std::uint32_t last = key_count_ == 0 ? 0 : cell_of(next[-1]);
+    if (indices_.size() < added_count_ + size) resize_added(added_count_ + size);
+    std::uint32_t* const cells = cells_.data();
+    std::uint32_t* const indices = indices_.data();
+    std::size_t count = added_count_;
+    std::uint32_t last = count == 0 ? 0 : cells[count - 1];
     bool ascending = ascending_;
     for (std::uint32_t i = 0; i < size; ++i) {
       const std::uint32_t cell = cell_at(i);
@@ -100,19 +105,20 @@ class Publication {
       assert(cell < cell_count_);
       ascending &= last <= cell;  // no branch: cells ascend about half the time
       last = cell;
-      *next++ = key_of(cell, i);
+      cells[count] = cell;
+      indices[count++] = i;
     }
     ascending_ = ascending;
-    key_count_ = static_cast<std::size_t>(next - keys_.data());
+    added_count_ = count;
   }
   static constexpr std::uint32_t no_cell = 0xffffffffu;
   /// Writer: prefetches the arrays that a frame of few states writes next.
   void prefetch_arrays() const noexcept {
-    const FrameBuffer& buffer = buffers_[current_ ^ 1];
+    const FrameBuffer& buffer = buffers_[next_buffer()];
     for (const void* const array :
-         {static_cast<const void*>(added_.data()), static_cast<const void*>(keys_.data()),
-          static_cast<const void*>(buffer.states.data()), static_cast<const void*>(buffer.cells.data()),
-          static_cast<const void*>(buffer.starts.data())}) {
+         {static_cast<const void*>(added_.data()), static_cast<const void*>(cells_.data()),
+          static_cast<const void*>(indices_.data()), static_cast<const void*>(buffer.states.data()),
+          static_cast<const void*>(buffer.cells.data()), static_cast<const void*>(buffer.starts.data())}) {
       base::prefetch_for_read(array);
     }
   }
@@ -121,17 +127,19 @@ class Publication {
   template <class Fetch, class StateOf>
   void publish_indexed(Fetch prefetch, StateOf state_of) {
     constexpr std::size_t ahead = 32;  // entries of a cell are anywhere in the table
-    FrameBuffer& buffer = order_keys();
-    const std::size_t size = key_count_;
+    FrameBuffer& buffer = sort_added();
+    const std::size_t size = added_count_;
     buffer.states.resize(size);
+    PublishedState* const states = buffer.states.data();
+    const std::uint32_t* const indices = indices_.data();
     for (std::size_t i = 0; i < size; ++i) {
-      if (i + ahead < size) prefetch(index_of(keys_[i + ahead]));
-      buffer.states[i] = state_of(index_of(keys_[i]));
+      if (i + ahead < size) prefetch(indices[i + ahead]);
+      states[i] = state_of(indices[i]);
     }
     finish(buffer);
   }
 
-  /// Reader: whether `frame` can be read: it is the last published frame or the one before.
+  /// Reader: whether `frame` can be read: it is the last published frame or, if two are kept, the one before.
   bool published(std::uint64_t frame) const noexcept { return find_buffer(frame) != nullptr; }
   /// Reader: the states of one cell; empty if it has none or `frame` cannot be read.
   std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t cell) const noexcept {
@@ -198,16 +206,14 @@ class Publication {
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
   static constexpr unsigned no_blocks = 32;
 
-  static constexpr std::uint64_t key_of(std::uint32_t cell, std::uint32_t index) noexcept {
-    return std::uint64_t{cell} << 32 | index;
-  }
-  static constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
-  static constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
-
   // Up to what is reserved, in steps: a publication that is never filled occupies no memory.
-  void grow_keys() {
-    const std::size_t size = 2 * key_count_ + 64;
-    keys_.resize(key_count_ < keys_.capacity() ? std::min(size, keys_.capacity()) : size);
+  void grow() {
+    const std::size_t size = 2 * added_count_ + 64, capacity = indices_.capacity();
+    resize_added(added_count_ < capacity ? std::min(size, capacity) : size);
+  }
+  void resize_added(std::size_t size) {
+    cells_.resize(size);
+    indices_.resize(size);
   }
   const FrameBuffer* find_buffer(std::uint64_t frame) const noexcept {
     // Pairs with the store in finish().
@@ -243,21 +249,22 @@ class Publication {
   }
   static std::span<const PublishedState> read_sparse(const FrameBuffer& buffer, std::uint32_t first,
                                                      std::uint32_t last) noexcept;
-  FrameBuffer& order_keys();
+  FrameBuffer& sort_added();
   void finish(FrameBuffer& buffer);
   std::size_t find_cell_range(FrameBuffer& buffer) const noexcept;
-  std::span<const std::uint64_t> keys() const noexcept { return {keys_.data(), key_count_}; }
-  void counting_sort_keys(FrameBuffer& buffer, std::size_t cells);
-  void sort_keys();
+  std::size_t next_buffer() const noexcept { return kept_frames_ == 2 ? current_ ^ 1 : current_; }
+  void sort_by_counting(FrameBuffer& buffer, std::size_t cells);
+  void sort_by_keys();
   void collect_cells(FrameBuffer& buffer);
   void collect_cells_dense(FrameBuffer& buffer);
   void list_blocks(FrameBuffer& buffer) const;
   /// The cells of a buffer that is not dense among which `cell` is, if it has states.
   static std::span<const std::uint32_t> block_of(const FrameBuffer& buffer, std::uint32_t cell) noexcept;
 
-  std::array<FrameBuffer, 2> buffers_;
+  std::array<FrameBuffer, 2> buffers_;  ///< if one frame is kept, only the first is used
   std::size_t cell_count_;
   CellLayout layout_;
+  std::size_t kept_frames_;
 
   // Used by the writer only.
   alignas(cache_line_pair_bytes) std::size_t current_ = 0;  ///< the buffer that is being written, or was written last
@@ -265,10 +272,12 @@ class Publication {
   bool ascending_ = true;  ///< whether the states so far were added in ascending order of cell
   std::vector<PublishedState> added_;
   std::vector<std::uint32_t> places_;  ///< of the added states; empty: they stay in the order of adding
-  std::size_t key_count_ = 0;          ///< number of used keys_
-  std::vector<std::uint64_t> keys_;    ///< cell << 32 | index in added_ or in the writer's table
-  std::vector<std::uint64_t> sorted_;
-  std::vector<std::uint32_t> entries_;  ///< directory entry of each key
+  std::size_t added_count_ = 0;        ///< number of used entries of cells_ and indices_
+  /// Cell of each added state. If they are dense, publishing replaces it by its entry in the directory.
+  std::vector<std::uint32_t> cells_;
+  std::vector<std::uint32_t> indices_;  ///< of the added states, in added_ or in the writer's table
+  std::vector<std::uint32_t> sorted_indices_;
+  std::vector<std::uint64_t> keys_, sorted_keys_;  ///< cell << 32 | index; used if the states are not dense
 };
 
 }  // namespace ringfence::link

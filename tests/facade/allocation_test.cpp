@@ -280,6 +280,7 @@ TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and t
           CHECK(world.connect().status == Status::out_of_memory);
           CHECK(world.disconnect(UserId(0)) == Status::out_of_memory);
           CHECK(world.resize(1) == Status::out_of_memory);
+          CHECK(world.seen_by(UserId(0)).empty());
           CHECK_THROWS_AS(world.add_shape(Sphere{1}), Error);
         }
         CHECK(failed > 20);

@@ -193,6 +193,25 @@ TEST_CASE("only the last two frames can be read, and a reader that was overtaken
   CHECK(publication.cells(5).empty());
 }
 
+TEST_CASE("a publication that keeps one frame returns that frame, and a reader of the frame before detects it") {
+  std::mt19937_64 random(8);
+  for (const std::size_t cells : {std::size_t{20}, std::size_t{100000}}) {
+    CAPTURE(cells);
+    const auto last = static_cast<std::uint32_t>(cells - 1);
+    Publication publication(cells, 4, {}, 1);
+    for (std::uint64_t frame = 3; frame < 12; ++frame) {
+      CAPTURE(frame);
+      const Oracle oracle = write_random(publication, frame, cells, 40, frame % 2 == 0, random);
+      CHECK(same(publication.states(frame), expected(oracle, 0, last)));
+      CHECK_FALSE(publication.published(frame - 1));
+      const Oracle anew = write_random(publication, frame, cells, 30, frame % 2 != 0, random);
+      CHECK(same(publication.states(frame), expected(anew, 0, last)));
+      publication.begin(frame + 1);
+      CHECK_FALSE(publication.is_intact(frame));
+    }
+  }
+}
+
 TEST_CASE("readers in lock-step with a writer see every frame whole") {
   constexpr std::uint64_t frames = 2000;
   constexpr std::size_t readers = 3, cells = 500, states = 60;

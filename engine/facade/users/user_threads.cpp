@@ -54,7 +54,8 @@ DuplexChannel& UserThreads::channel(std::size_t index) {
   if (channel == nullptr) {
     channel =
         std::make_unique<DuplexChannel>(state_.ring_bytes(ring_of(threads_.size())), state_.server_bell(), bell(index));
-    channel->publication = std::make_unique<nodes::HostPublication>(state_.publications.grid, 0);
+    channel->publication =
+        std::make_unique<nodes::HostPublication>(state_.publications.grid, 0, state_.published_frames());
   }
   return *channel;
 }

@@ -32,9 +32,9 @@ struct Published {
 /// that is lost later has finished writing, and is never started again. A user thread that was abandoned does not
 /// write; the thread that replaces it continues.
 struct HostPublication {
-  /// Reserves for `states` states in the cells of `grid`.
-  HostPublication(const regions::CellGrid& grid, std::size_t states)
-      : publication(grid.cells(), states, {grid.log2[0], grid.log2[1]}) {
+  /// Reserves for `states` states in the cells of `grid`. `kept_frames` as in Publication.
+  HostPublication(const regions::CellGrid& grid, std::size_t states, std::size_t kept_frames = 2)
+      : publication(grid.cells(), states, {grid.log2[0], grid.log2[1]}, kept_frames) {
     published.publication = &publication;
   }
   HostPublication(const HostPublication&) = delete;
