@@ -1,10 +1,12 @@
 #include "cluster_model.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include <doctest/doctest.h>
 
+#include "cluster_traffic.hpp"
 #include "ringfence/seen_state.hpp"
 
 namespace ringfence::tools {
@@ -108,6 +110,68 @@ TEST_CASE("with overlap only the part of M3 that exceeds the narrow phase takes 
   CHECK(compute_cluster_frame(counts_of(1), costs).m3 == doctest::Approx(8 - 4.8));
   costs.at(CostName::pair_us).value = 30;
   CHECK(compute_cluster_frame(counts_of(1), costs).m3 == 0);
+}
+
+TEST_CASE("over links, the server exchanges one message in each direction with each node in each of three steps") {
+  ClusterCosts costs = free_cluster();
+  costs.at(CostName::links).value = 1;
+  costs.at(CostName::message_us).value = 1000;
+  // 10 users have five messages: begin, states, M4 and done, and the relay, which is one for all.
+  for (const double nodes : {1.0, 2.0, 16.0, 1024.0}) {
+    FrameCounts counts = counts_of(nodes);
+    counts.placement = Placement::region;
+    CHECK(compute_cluster_load(counts, costs).server_cpu == doctest::Approx(6 * nodes + 4 * 10 + 1));
+  }
+}
+
+TEST_CASE(
+    "over links, states of what nodes host are replicas for which no step waits, and neighbours send each other "
+    "ghosts") {
+  ClusterCosts costs = free_cluster();
+  costs.at(CostName::links).value = 1;
+  costs.at(CostName::bandwidth_mbit).value = 8;  // 1000 bytes are 1 ms
+  FrameCounts counts = counts_of(2);
+  const auto by_server = traffic_of(counts, costs);
+  CHECK(by_server.states.records == 1000);  // 100 of users, 900 of nodes
+  CHECK(by_server.replicas.records == 0);
+  CHECK(by_server.m2.records == 1700);  // 100 positions and 1600 pairs
+  CHECK(by_server.node_m2.bytes == 0);
+
+  counts.placement = Placement::region;
+  counts[Traffic::m2].records = 1300;  // of 1000 moved objects, of which 100 are those of users
+  counts.node_notices = 300;
+  const ClusterTraffic traffic = traffic_of(counts, costs);
+  CHECK(traffic.states.records == 100);
+  CHECK(traffic.replicas.records == 900);
+  CHECK(traffic.replicas.bytes == 900 * 48);  // 80 bytes of a state counted in one process, of which a replica needs 48
+  const double regions = regions_per_object(counts);
+  CHECK(regions == doctest::Approx((1300 + 900) / 1000.0));
+  CHECK(traffic.m2.records == doctest::Approx(100 * regions));
+  CHECK(traffic.m2.records + traffic.node_m2.bytes * 2 / 104 == doctest::Approx(1300));
+  CHECK(traffic.node_m2.records == doctest::Approx((100 * regions + 2 * (1300 - 100 * regions)) / 2));
+  CHECK(traffic.m3.bytes == 700 * 40);
+  CHECK(traffic.m4.records == 1000);
+  CHECK(traffic.node_end.records == doctest::Approx(300));
+  CHECK(traffic.node_end.bytes == doctest::Approx(150 * 120));
+
+  // The server's link receives replicas while the nodes go on; what is left when the frame is complete delays the next.
+  const ClusterFrame frame = compute_cluster_frame(counts, costs);
+  const ClusterLoad load = compute_cluster_load(counts, costs);
+  CHECK(load.server_link >= (traffic.replicas.bytes + traffic.m3.bytes) / 1000);
+  CHECK(frame.total() >= std::max(load.server_cpu, load.server_link));
+  counts[Traffic::state].bytes += 1e6;  // of nodes
+  CHECK(compute_cluster_frame(counts, costs).total() ==
+        doctest::Approx(compute_cluster_load(counts, costs).server_link));
+}
+
+TEST_CASE("with the paper's protocol the server has no work left when a frame is complete") {
+  for (const double nodes : {1.0, 16.0}) {
+    for (const char* name : {"2004", "today"}) {
+      ClusterCosts costs = *find_cluster(name);
+      costs.at(CostName::links).value = 0;
+      CHECK(compute_cluster_frame(counts_of(nodes), costs).wait == 0);
+    }
+  }
 }
 
 TEST_CASE("the fitted cost reproduces the frame time it is fitted to; without that row it has its default value") {

@@ -20,8 +20,9 @@ enum class CostName : std::uint8_t {
   user_copies,      ///< copies of its states that a user node sends to other user nodes; 0: one to each of them
   shared_user_lan,  ///< 1: all user nodes share one network segment; 0: each has its own link
   overlap,          ///< 1: M3 and the state relay are sent during the narrow phase; 0: after it
+  links,            ///< 1: nodes exchange what this release exchanges between processes; 0: all goes to the server
 };
-inline constexpr std::size_t cost_count = 10;
+inline constexpr std::size_t cost_count = 11;
 
 struct Cost {
   double value = 0;

@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "messages/header.hpp"
+#include "cluster_traffic.hpp"
 #include "messages/records.hpp"
-#include "ringfence/seen_state.hpp"
 
 namespace ringfence::tools {
 namespace {
 
 constexpr double hops_per_frame = 6;  // begin, states, M2, M3, M4, frame done
-constexpr double published_bytes = sizeof(SeenState);
 
 double ms(double us) { return us * 1e-3; }
 
@@ -19,72 +17,69 @@ double ms(double us) { return us * 1e-3; }
 struct Parts {
   double user_move, node_move, server_move;
   double states_cpu, states_link, user_lan;
+  double replicas_cpu, replicas_link;
   double sweep_server, sweep_node;
   double m2_cpu, m2_link, m2_node;
   double test_node;
   double m3_cpu, m3_link, relay_cpu, relay_link;
-  double m4_cpu, m4_link, m5_node;
-  double control_cpu, control_link;
+  double m4_cpu, m4_link, end_node;
+  double frame_cpu, frame_link;
   double latency;
 };
-
-/// Number of position records in M2, which also carries pairs if the server does the broad phase.
-double positions(const FrameCounts& counts) {
-  return std::max(0.0, counts[Traffic::m2].records - (counts.placement == Placement::server ? counts.tested : 0));
-}
-
-/// Mean number of regions that a moved object overlaps. In user-collision deployment its host needs no position record.
-double regions_per_object(const FrameCounts& counts) {
-  if (counts.moved <= 0 || counts.nodes <= 1) return 1;
-  const double without_record = counts.node_hosted > 0 ? counts.moved * counts.node_hosted / counts.objects : 0;
-  return std::max(1.0, (positions(counts) + without_record) / counts.moved);
-}
 
 Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   const double message = ms(costs[CostName::message_us]), record = ms(costs[CostName::record_us]);
   const double byte = 8e-3 / costs[CostName::bandwidth_mbit];
   const double users = std::max(1.0, counts.users), nodes = std::max(1.0, counts.nodes);
   const double lead = counts.tested > 0 ? counts.busiest_tested * nodes / counts.tested : 1;
-  const MeanTraffic &m1 = counts[Traffic::m1], &m2 = counts[Traffic::m2], &m3 = counts[Traffic::m3],
-                    &m4 = counts[Traffic::m4], &m5 = counts[Traffic::m5], &state = counts[Traffic::state],
-                    &control = counts[Traffic::control];
-  // The engine counts publications to users once under M1 or states. The remainder is what hosts send to the server.
-  const double relayed = counts.server_hosted + counts.node_hosted;
-  const double user_bytes = counts.user_hosted * published_bytes, relay_bytes = relayed * published_bytes;
-  const double m1_bytes = std::max(0.0, m1.bytes - user_bytes);
-  const double node_state_bytes = std::max(0.0, state.bytes - relay_bytes);
-  const double received = std::max(0.0, m1.records - counts.user_hosted) + std::max(0.0, state.records - relayed);
   const double copies = costs[CostName::user_copies] > 0 ? costs[CostName::user_copies] : users - 1;
+  const ClusterTraffic traffic = traffic_of(counts, costs);
+  const auto cpu = [&](const Sent& sent) { return sent.messages * message + sent.records * record; };
+  const auto link = [&](const Sent& sent) { return sent.bytes * byte; };
 
   Parts parts{};
   parts.user_move = counts.user_hosted / users * (ms(costs[CostName::move_us]) + record);
   parts.node_move = counts.node_hosted / nodes * (ms(costs[CostName::move_us]) + record);
   parts.server_move = counts.server_hosted * ms(costs[CostName::move_us]);
-  parts.states_cpu = (m1.messages + std::max(0.0, state.messages - 1)) * message + received * record;
-  parts.states_link = (m1_bytes + node_state_bytes) * byte;
+  parts.states_cpu = cpu(traffic.states);
+  parts.states_link = link(traffic.states);
+  parts.replicas_cpu = cpu(traffic.replicas);
+  parts.replicas_link = link(traffic.replicas);
   // A shared segment carries all copies. With links of their own, user nodes send their states and receive all others.
+  const double m1_bytes = std::max(0.0, counts[Traffic::m1].bytes - traffic.user_bytes);
   parts.user_lan = costs[CostName::shared_user_lan] > 0
-                       ? (m1_bytes + user_bytes * copies) * byte
-                       : std::max((m1_bytes + user_bytes * copies) / users, user_bytes) * byte;
+                       ? (m1_bytes + traffic.user_bytes * copies) * byte
+                       : std::max((m1_bytes + traffic.user_bytes * copies) / users, traffic.user_bytes) * byte;
   const double sweep = counts.objects * ms(costs[CostName::object_us]);
   parts.sweep_server = counts.placement == Placement::server ? sweep : 0;
   parts.sweep_node = counts.placement == Placement::server ? 0 : sweep * regions_per_object(counts) * lead / nodes;
-  parts.m2_cpu = m2.messages * message + m2.records * record;
-  parts.m2_link = m2.bytes * byte;
-  parts.m2_node = (m2.messages * message + m2.records * record) / nodes;
+  parts.m2_cpu = cpu(traffic.m2);
+  parts.m2_link = link(traffic.m2);
+  parts.m2_node = cpu(traffic.node_m2) + link(traffic.node_m2);
   parts.test_node = counts.busiest_tested * ms(costs[CostName::pair_us]);
-  parts.m3_cpu = m3.messages * message + counts.contacts * record;
-  parts.m3_link = m3.bytes * byte;
-  parts.relay_cpu = relayed > 0 ? message + relayed * record : 0;
-  parts.relay_link = relay_bytes * byte;
-  parts.m4_cpu = m4.messages * message + m4.records * record;
-  parts.m4_link = m4.bytes * byte;
-  parts.m5_node = 2 * (m5.messages * message + m5.records * record) / nodes + m5.bytes / nodes * byte;
-  // Between machines the states themselves are messages, so the notices of readable shared memory are not needed.
-  parts.control_cpu = std::max(0.0, control.messages - counts.publication_notices) * message;
-  parts.control_link = std::max(0.0, control.bytes - counts.publication_notices * sizeof(messages::Header)) * byte;
+  parts.m3_cpu = cpu(traffic.m3);
+  parts.m3_link = link(traffic.m3);
+  parts.relay_cpu = cpu(traffic.relay);
+  parts.relay_link = link(traffic.relay);
+  parts.m4_cpu = cpu(traffic.m4);
+  parts.m4_link = link(traffic.m4);
+  parts.end_node = cpu(traffic.node_end) + link(traffic.node_end);
+  parts.frame_cpu = cpu(traffic.frame);
+  parts.frame_link = link(traffic.frame);
   parts.latency = hops_per_frame * ms(costs[CostName::latency_us]);
   return parts;
+}
+
+ClusterLoad load_of(const Parts& parts) {
+  ClusterLoad load;
+  load.server_cpu = parts.server_move + parts.states_cpu + parts.replicas_cpu + parts.sweep_server + parts.m2_cpu +
+                    parts.m3_cpu + parts.relay_cpu + parts.m4_cpu + parts.frame_cpu;
+  load.server_link = std::max(parts.states_link + parts.replicas_link + parts.m3_link,
+                              parts.m2_link + parts.m4_link + parts.relay_link);
+  load.node = parts.node_move + parts.m2_node + parts.sweep_node + parts.test_node + parts.end_node;
+  load.user_lan = parts.user_lan;
+  load.latency = parts.latency;
+  return load;
 }
 
 }  // namespace
@@ -108,21 +103,15 @@ ClusterFrame compute_cluster_frame(const FrameCounts& counts, const ClusterCosts
   frame.narrow = parts.m2_node + parts.sweep_node + parts.test_node;
   const double m3 = parts.m3_cpu + parts.relay_cpu + std::max(parts.m3_link, parts.relay_link);
   frame.m3 = costs[CostName::overlap] > 0 ? std::max(0.0, m3 - frame.narrow) : m3;
-  frame.m4 = std::max(parts.m4_cpu + parts.m4_link, parts.m5_node);
-  frame.hops = parts.latency + parts.control_cpu + parts.control_link;
+  frame.m4 = std::max(parts.m4_cpu + parts.m4_link, parts.end_node);
+  frame.hops = parts.latency + parts.frame_cpu + parts.frame_link;
+  const ClusterLoad load = load_of(parts);
+  frame.wait = std::max(0.0, std::max(load.server_cpu, load.server_link) - frame.total());
   return frame;
 }
 
 ClusterLoad compute_cluster_load(const FrameCounts& counts, const ClusterCosts& costs) {
-  const Parts parts = parts_of(counts, costs);
-  ClusterLoad load;
-  load.server_cpu = parts.server_move + parts.states_cpu + parts.sweep_server + parts.m2_cpu + parts.m3_cpu +
-                    parts.relay_cpu + parts.m4_cpu + parts.control_cpu;
-  load.server_link = std::max(parts.states_link + parts.m3_link, parts.m2_link + parts.m4_link + parts.relay_link);
-  load.node = parts.node_move + parts.m2_node + parts.sweep_node + parts.test_node + parts.m5_node;
-  load.user_lan = parts.user_lan;
-  load.latency = parts.latency;
-  return load;
+  return load_of(parts_of(counts, costs));
 }
 
 FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::uint32_t nodes) {
@@ -152,6 +141,7 @@ FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::u
   const double crossings = most.handed_over > 0 ? counts.handed_over / most.handed_over : 1;
   m5.records *= crossings;
   m5.bytes *= crossings;
+  if (regions_most > 1) counts.node_notices *= (regions_per_object(counts) - 1) / (regions_most - 1);
   return counts;
 }
 
@@ -159,7 +149,7 @@ namespace {
 
 /// Replaces the measured costs by medians over the runs with one node.
 void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
-  std::vector<double> pair, move, object, record;
+  std::vector<double> pair, move, object;
   for (const ScaleRow& row : rows) {
     if (row.nodes != 1 || row.counts().tested <= 0) continue;
     for (const ScaleSample& sample : row.samples) {
@@ -168,11 +158,6 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
       if (row.counts().placement == Placement::server) pair.push_back(1e3 * sample.narrow_phase_ms / counts.tested);
       if (row.counts().placement == Placement::server) object.push_back(1e3 * sweep / counts.objects);
       if (counts.node_hosted > 0) move.push_back(1e3 * sample.move_ms / counts.node_hosted);
-      double records = 0;
-      for (const MeanTraffic& traffic : counts.traffic) records += traffic.records;
-      records -= counts.user_hosted;  // the server does not touch what user nodes publish
-      // If the server hosts objects, the time to move them cannot be separated from the time for records.
-      if (counts.server_hosted == 0) record.push_back(1e3 * std::max(0.0, sample.server_ms - sweep) / records);
     }
   }
   const auto settle = [&](CostName name, const std::vector<double>& values, const char* how) {
@@ -188,7 +173,6 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
   settle(CostName::pair_us, pair, "measured here: a node's narrow-phase time divided by its pairs, 1 node");
   settle(CostName::move_us, move, "measured here: a node's move time divided by its hosted objects, 1 node");
   settle(CostName::object_us, object, "measured here: the server's broad-phase time divided by the objects");
-  settle(CostName::record_us, record, "measured here: the rest of the server's CPU time divided by its records");
 }
 
 /// Fits pair_us by bisection, so that the predicted frame of user-collision at 1 node and 4000 objects takes as long as
@@ -239,12 +223,16 @@ std::vector<ClusterPrediction> predict(const std::vector<ScaleRow>& rows, const 
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const ScaleRow& row = rows[i];
     if (row.nodes == 0) continue;
-    add(row, row.counts(), row.nodes, false);
-    const bool last_of_world = i + 1 == rows.size() || !rows[i + 1].same_world(row);
     const ScaleRow* one = find_row(rows, row, 1);
+    FrameCounts counts = row.counts();
+    if (one != nullptr) {
+      counts.node_notices = std::max(0.0, counts[Traffic::m4].records - one->counts()[Traffic::m4].records);
+    }
+    add(row, counts, row.nodes, false);
+    const bool last_of_world = i + 1 == rows.size() || !rows[i + 1].same_world(row);
     if (!last_of_world || one == nullptr || row.nodes <= 1) continue;
     for (const std::uint32_t nodes : extrapolated_nodes) {
-      if (nodes > row.nodes) add(row, extrapolated(one->counts(), row.counts(), nodes), nodes, true);
+      if (nodes > row.nodes) add(row, extrapolated(one->counts(), counts, nodes), nodes, true);
     }
   }
   return predictions;

@@ -18,8 +18,9 @@ struct ClusterFrame {
   double narrow = 0;  ///< reading M2 and testing pairs on the busiest node
   double m3 = 0;      ///< M3 and the state relay; with overlap only the part that exceeds the narrow phase
   double m4 = 0;      ///< M4, or M5 if that takes longer
-  double hops = 0;    ///< latencies and control messages
-  double total() const { return move + states + sweep + m2 + narrow + m3 + m4 + hops; }
+  double hops = 0;    ///< latencies, and the messages that begin and end the frame
+  double wait = 0;    ///< for a server that still has work of the frame, such as replicas, when the next could begin
+  double total() const { return move + states + sweep + m2 + narrow + m3 + m4 + hops + wait; }
 };
 
 /// Time in milliseconds for which a frame occupies each resource.

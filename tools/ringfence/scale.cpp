@@ -18,7 +18,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t nodes_beyond[] = {64, 1024};
+constexpr std::uint32_t nodes_beyond[] = {64, 256, 1024};
 
 template <class Value>
 std::vector<Value> sorted(std::vector<Value> values) {

@@ -107,9 +107,10 @@ void print_cluster(std::FILE* out, const ClusterResult& cluster) {
   const std::set<std::uint32_t> shown = objects_shown(cluster);
   const int digits = cluster.costs.name == "2004" ? 0 : 3;
   fmt::print(out,
-             "  {:<14} {:<6} {:>8} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}  {:<14}{}\n",
+             "  {:<14} {:<6} {:>8} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}  "
+             "{:<14}{}\n",
              "deployment", "broad", "objects", "nodes", "frame ms", "if even", "speedup", "move", "states", "sweep",
-             "M2", "narrow", "M3", "M4", "hops", "saturates", paper ? "the paper" : "");
+             "M2", "narrow", "M3", "M4", "hops", "wait", "saturates", paper ? "the paper" : "");
   bool any_extrapolated = false;
   for (const ClusterPrediction& each : cluster.predictions) {
     const ClusterFrame& frame = each.frame;
@@ -122,12 +123,12 @@ void print_cluster(std::FILE* out, const ClusterResult& cluster) {
     any_extrapolated |= each.extrapolated;
     fmt::print(out,
                "  {:<14} {:<6} {:>8} {:>5}{} {:>9.{}f} {:>9.{}f} {:>8} {:>8.{}f} {:>8.{}f} {:>8.{}f} {:>8.{}f} "
-               "{:>8.{}f} {:>8.{}f} {:>8.{}f} {:>8.{}f}  {:<14}{}\n",
+               "{:>8.{}f} {:>8.{}f} {:>8.{}f} {:>8.{}f} {:>8.{}f}  {:<14}{}\n",
                name_of(each.row->deployment), name_of(each.row->placement), each.row->objects, each.nodes,
                each.extrapolated ? '*' : ' ', frame.total(), digits, each.even_ms, digits,
                each.scaling.known ? fmt::format("{:.1f}x", each.scaling.speedup) : "-", frame.move, digits,
                frame.states, digits, frame.sweep, digits, frame.m2, digits, frame.narrow, digits, frame.m3, digits,
-               frame.m4, digits, frame.hops, digits, each.load.limit(), stated);
+               frame.m4, digits, frame.hops, digits, frame.wait, digits, each.load.limit(), stated);
   }
   if (any_extrapolated) {
     fmt::print(out,
@@ -198,7 +199,8 @@ Json cluster_json(const ClusterResult& cluster) {
                     {"narrow", frame.narrow},
                     {"m3", frame.m3},
                     {"m4", frame.m4},
-                    {"hops", frame.hops}}},
+                    {"hops", frame.hops},
+                    {"wait", frame.wait}}},
                   {"saturates", each.load.limit()},
                   {"scaling", scaling_json(each.scaling)}};
     if (each.paper != nullptr) entry["paper"] = {{"relation", each.paper->relation}, {"frame_ms", each.paper->ms}};

@@ -23,6 +23,7 @@ struct FrameCounts {
   double moved = 0, tested = 0, contacts = 0, handed_over = 0;
   double busiest_tested = 0;       ///< pairs of the node that tested most in each frame
   double publication_notices = 0;  ///< control messages that announce readable shared memory
+  double node_notices = 0;         ///< records of M4 between CD nodes: those that the same world with one node has not
   std::array<MeanTraffic, traffic_count> traffic{};
 
   MeanTraffic& operator[](Traffic kind) { return traffic[static_cast<std::size_t>(kind)]; }
