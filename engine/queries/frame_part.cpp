@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -54,7 +55,11 @@ bool FramePart::build_in(const TreeOrder& order, const FrameRows& objects, const
   if (order.keys.size() != objects.objects) return false;
   const bool is_same = std::exchange(is_built_, false) && &order == order_.get() && known.built.has_value();
   std::vector<std::uint32_t>& groups = scratch().groups;
-  if (is_same ? !find_changed_rows(order, objects, known, groups) : !find_rows(order, objects)) return false;
+  if (is_same && known.same_rows) {
+    find_changed_groups(known, groups);
+  } else if (is_same ? !find_changed_rows(order, objects, known, groups) : !find_rows(order, objects)) {
+    return false;
+  }
   if (known.rows.empty()) {
     set_bounds(shapes);
   } else if (is_same) {
@@ -92,6 +97,27 @@ bool FramePart::find_changed_rows(const TreeOrder& order, const FrameRows& objec
     if (any) groups.push_back(static_cast<std::uint32_t>(first / tree_width));
   }
   return true;
+}
+
+/// The same if each key has the row that it had before. Where most objects have changed, all groups, because the rows
+/// of a group are anywhere in the list.
+void FramePart::find_changed_groups(const KnownBounds& known, std::vector<std::uint32_t>& groups) const {
+  const auto has_changed = [&](std::uint32_t row) { return base::may_have_changed(known.changed[row], *known.built); };
+  std::uint32_t count = 0;
+  for (std::uint32_t row = 0; row < known.changed.size(); ++row) count += has_changed(row) ? 1 : 0;
+  const std::span<const std::uint32_t> rows = row_of_box_.span();
+  groups.clear();
+  if (count > rows.size() / 2) {
+    groups.resize((rows.size() + tree_width - 1) / tree_width);
+    std::iota(groups.begin(), groups.end(), 0u);
+    return;
+  }
+  for (std::size_t first = 0; count != 0 && first < rows.size(); first += tree_width) {
+    const std::span<const std::uint32_t> group = rows.subspan(first, std::min(tree_width, rows.size() - first));
+    if (std::any_of(group.begin(), group.end(), has_changed)) {
+      groups.push_back(static_cast<std::uint32_t>(first / tree_width));
+    }
+  }
 }
 
 /// Builds the tree in the order own_, which is sorted first unless it has been adapted.

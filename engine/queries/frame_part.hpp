@@ -25,6 +25,7 @@ struct KnownBounds {
   std::span<const base::FrameStamp> changed{};
   /// The frame that the same FramePart was built for before, with the same box_of, if it was.
   std::optional<base::FrameStamp> built{};
+  bool same_rows = false;  ///< each key has the row that it had then
 };
 
 /// Objects of one frame with an index of their bounds; a Searcher answers queries about them.
@@ -68,6 +69,7 @@ class FramePart {
   bool find_rows(const TreeOrder& order, const FrameRows& objects);
   bool find_changed_rows(const TreeOrder& order, const FrameRows& objects, const KnownBounds& known,
                          std::vector<std::uint32_t>& groups);
+  void find_changed_groups(const KnownBounds& known, std::vector<std::uint32_t>& groups) const;
   void build_own(bool adapted, const FrameRows& objects, const geometry::ShapeTable& shapes, const KnownBounds& known);
   void sort(const FrameRows& objects);
   bool is_good() const noexcept;

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace ringfence::queries {
 
 void RecordedFrame::begin(std::size_t slots, bool has_groups) {
-  number_ = none;
-  row_of_slot_.discard();
+  is_same_ = std::exchange(number_, none) != none && slots == slots_;
+  size_before_ = size_;
   standing_.discard();
   moving_.discard();
   if (block_ != nullptr) block_->discard();
@@ -30,14 +31,22 @@ void RecordedFrame::begin_bounds(const geometry::FixedSpace& space, const Vec3d&
   standing_frame_ = none;
 }
 
-RecordedFrame::NewRows RecordedFrame::add(std::size_t count) noexcept {
-  const auto next = [&](auto& list) { return std::span(list.data() + size_, list.empty() ? 0 : count); };
-  NewRows rows{next(rows_), next(slot_of_row_), next(jumped_), next(groups_), next(bounds_), next(changed_)};
-  size_ += count;
+RecordedFrame::NewRows RecordedFrame::add(std::span<const std::uint32_t> slots) noexcept {
+  std::uint32_t* const at = slot_of_row_.data() + size_;
+  is_same_ = is_same_ && std::equal(slots.begin(), slots.end(), at);
+  if (!is_same_) std::copy(slots.begin(), slots.end(), at);
+  const auto next = [&](auto& list) { return std::span(list.data() + size_, list.empty() ? 0 : slots.size()); };
+  NewRows rows{next(rows_), next(jumped_), next(groups_), next(bounds_), next(changed_)};
+  size_ += slots.size();
   return rows;
 }
 
-void RecordedFrame::finish(std::uint64_t number) noexcept { number_ = number; }
+void RecordedFrame::finish(std::uint64_t number) noexcept {
+  number_ = number;
+  if (is_same_ && size_ == size_before_) return;
+  row_of_slot_.discard();
+  has_same_rows_ = false;
+}
 
 FrameRows RecordedFrame::objects() const {
   const std::vector<std::uint32_t>& row_of = row_of_slot_.get([&](std::vector<std::uint32_t>& rows) {
@@ -51,13 +60,14 @@ FrameRows RecordedFrame::objects() const {
 const FramePart& RecordedFrame::standing() const {
   return standing_.get([&](FramePart& part) {
     KnownBounds known;
-    if (box_of_) known = {bounds_.span(), &*box_of_, changed_.span(), {}};
+    if (box_of_) known = {bounds_.span().first(size_), &*box_of_, changed_.span().first(size_), {}, has_same_rows_};
     if (standing_frame_ != none && number_ - standing_frame_ <= base::max_stamp_age) {
       known.built = base::stamp_of(standing_frame_);
     }
     standing_frame_ = none;
     part.build(objects(), *shapes_, known, order_->get());
     if (box_of_) standing_frame_ = number_;
+    has_same_rows_ = true;
     order_->set(part.share_order());
   });
 }

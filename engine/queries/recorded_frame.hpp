@@ -50,15 +50,14 @@ class RecordedFrame {
   /// Rows for the caller to fill. All spans have one element for each, but those that are empty.
   struct NewRows {
     std::span<FrameObject> objects;
-    std::span<std::uint32_t> slots;
     std::span<std::uint8_t> jumped;
     std::span<std::uint32_t> groups;  ///< empty without groups
     // Empty without bounds.
     std::span<RowBounds> bounds;
     std::span<base::FrameStamp> changed;  ///< the last frame in which the object has changed
   };
-  /// Adds rows for objects. All calls after begin() together add at most as many as there are slots.
-  NewRows add(std::size_t count) noexcept;
+  /// Adds rows for the objects in these slots. All calls after begin() together add at most as many as there are slots.
+  NewRows add(std::span<const std::uint32_t> slots) noexcept;
   /// The frame is complete.
   void finish(std::uint64_t number) noexcept;
 
@@ -101,6 +100,9 @@ class RecordedFrame {
   std::vector<bool> has_shape_;  ///< by shape number
   std::uint64_t number_ = none;
   std::size_t slots_ = 0, size_ = 0;
+  bool is_same_ = false;                ///< the rows so far have the slots of the frame that was recorded here before
+  std::size_t size_before_ = 0;         ///< of that frame
+  mutable bool has_same_rows_ = false;  ///< all frames since standing_ was built had its rows
   // By row, as NewRows. The first size_ elements count.
   base::FlatList<FrameObject> rows_;
   base::FlatList<std::uint32_t> slot_of_row_;

@@ -58,7 +58,8 @@ class Recorder {
 
  private:
   void add_known(const RegionObjects& known, std::size_t first, std::size_t count) {
-    const NewRows rows = frame_.add(count);
+    const std::span<const std::uint32_t> slots = known.slots().subspan(first, count);
+    const NewRows rows = frame_.add(slots);
     const std::span<const FrameObject> bodies = known.bodies().subspan(first, count);
     // Without bounds it is a frame of a history, which is rarely read.
     if (rows.bounds.empty()) {
@@ -66,11 +67,10 @@ class Recorder {
     } else {
       std::copy(bodies.begin(), bodies.end(), rows.objects.begin());
     }
-    std::copy_n(known.slots().begin() + first, count, rows.slots.begin());
     const std::span<const std::uint32_t> groups = known.groups();
     for (std::size_t i = 0; i < rows.groups.size(); ++i) rows.groups[i] = groups.empty() ? 0 : groups[first + i];
     const std::span<const nodes::ObjectMarks> marks = table_.marks();
-    for (std::size_t i = 0; i < count; ++i) rows.jumped[i] = has_jumped(marks[rows.slots[i]]);
+    for (std::size_t i = 0; i < count; ++i) rows.jumped[i] = has_jumped(marks[slots[i]]);
     if (rows.bounds.empty()) return;
     std::copy_n(known.changed().begin() + first, count, rows.changed.begin());
     for (std::size_t i = 0; i < count; ++i) {
@@ -120,7 +120,7 @@ class Recorder {
   /// Adds an object as the table has it.
   NewRows add(std::uint32_t slot) {
     const nodes::ObjectRow& of = table_.row(slot);
-    const NewRows row = frame_.add(1);
+    const NewRows row = frame_.add({&slot, 1});
     FrameObject& object = row.objects[0];
     object = {of.pose,
               of.shape,
@@ -129,7 +129,6 @@ class Recorder {
               of.layer,
               of.category,
               table_.origin(slot).user_data};
-    row.slots[0] = slot;
     row.jumped[0] = has_jumped(table_.marks(slot));
     if (!row.groups.empty()) row.groups[0] = table_.group(slot);
     if (row.bounds.empty()) return row;

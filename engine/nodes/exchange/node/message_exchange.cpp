@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
+#include <numeric>
 #include <utility>
 
 #include "base/pair_sort.hpp"
@@ -40,7 +41,9 @@ void MessageExchange::receive_sensed(const messages::MessageView& message) {
     frame_before_ = std::make_unique<queries::RecordedFrame>(std::move(shapes), std::make_shared<queries::LastOrder>());
   }
   frame_before_->begin(sensed_.size(), true);
-  const queries::RecordedFrame::NewRows rows = frame_before_->add(sensed_.size());
+  sensed_slots_.resize(sensed_.size());
+  std::iota(sensed_slots_.begin(), sensed_slots_.end(), 0u);
+  const queries::RecordedFrame::NewRows rows = frame_before_->add(sensed_slots_);
   for (std::uint32_t i = 0; i < sensed_.size(); ++i) {
     const messages::SensedRecord& object = sensed_[i];
     rows.objects[i] = {object.pose,
@@ -50,7 +53,6 @@ void MessageExchange::receive_sensed(const messages::MessageView& message) {
                        static_cast<std::uint16_t>(object.layer),
                        static_cast<std::uint16_t>(object.category),
                        object.user_data};
-    rows.slots[i] = i;
     rows.groups[i] = object.group;
     rows.jumped[i] = 0;
   }
