@@ -18,7 +18,7 @@ struct BoxRange {
 /// Finds the boxes of a BoxTree that overlap or touch a box, as ranges in the order of the tree. No two ranges overlap
 /// or touch.
 ///
-/// Cost: 3 to 5 ns for each group of eight boxes that are compared. Threads: belongs to one. Memory: 12 bytes a box of
+/// Cost: 3 to 5 ns for each group of eight boxes that are compared. Threads: belongs to one. Memory: 5 bytes a box of
 /// the largest tree, kept.
 class TouchedBoxes {
  public:

@@ -42,7 +42,7 @@ struct OwnStates {
 ///
 /// Cost: proportional to the avatars and to the boxes near them, not to the number of users.
 /// Threads: belongs to the thread that steps the user nodes; others read the lists of a frame when it is complete.
-/// Memory: a span for each run of boxes near an avatar; 1 byte for each state of the largest publication.
+/// Memory: a span for each run of boxes near an avatar; a third of a byte for each state of the largest publication.
 class InterestReader {
  public:
   /// `interest`: metres around avatars; 0: nothing is read. The publications outlive the reader.
