@@ -6,7 +6,6 @@
 int main(int count, char** arguments) {
   ringfence::bench::register_rings();
   ringfence::bench::register_doorbells();
-  ringfence::bench::register_publications();
   ringfence::bench::register_messages();
   benchmark::Initialize(&count, arguments);
   if (benchmark::ReportUnrecognizedArguments(count, arguments)) return 2;

@@ -11,8 +11,6 @@ namespace ringfence::facade {
 
 namespace {
 
-constexpr std::size_t max_interest_cells = std::size_t{1} << 15;
-
 regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
   const std::uint32_t* given = config.tuning.cells_log2;
   if (given[0] != 0 || given[1] != 0 || given[2] != 0) {
@@ -21,18 +19,6 @@ regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSp
   const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
                              space.max().z - space.min().z};
   return regions::CellGrid::choose(extents, std::max<std::size_t>(4096, std::size_t{64} * config.nodes));
-}
-
-// Cells of about a third of the interest radius: few spans to read, and few states read in vain.
-regions::CellGrid interest_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
-  const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
-                             space.max().z - space.min().z};
-  const double side = std::max(config.interest / 3, 1e-3);
-  double cells = 1;
-  for (const double extent : extents) {
-    cells *= std::max(1.0, extent / side);
-  }
-  return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{max_interest_cells})));
 }
 
 // How often the server checks its deadlines when no bell rings: a quarter of the shorter deadline; 0: never.
@@ -78,9 +64,7 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
-      publications{interest_grid(config, space), &space, {}, {}, nullptr},
-      server_publication(publications.grid.cells(), nodes_publish() ? 0 : config.capacities.objects, {},
-                         published_frames()),
+      server_publication(nodes_publish() ? 0 : config.capacities.objects, config.interest, published_frames()),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
       starter(config, halt) {
@@ -120,7 +104,7 @@ regions::RegionMap WorldState::first_map() const {
   return regions::RegionMap(region_grid(config, space), std::max(1u, config.nodes));
 }
 
-// The grids were made for a cube, and stay: automatic bounds are a cube too.
+// The grid of regions was made for a cube, and stays: automatic bounds are a cube too.
 void WorldState::choose_bounds() {
   WorldBounds bounds;
   if (bounds_are_open && facade::choose_bounds(order.requests, bounds)) {

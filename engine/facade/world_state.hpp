@@ -14,7 +14,6 @@
 #include "facade/threads/worker_starter.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
-#include "link/publication.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/fault_point.hpp"
 #include "nodes/server/server_setup.hpp"
@@ -80,7 +79,7 @@ struct WorldState {
   geometry::FixedSpace space;                       ///< constant once the World has objects
   const std::array<std::uint32_t, 32> layer_masks;  ///< by layer: the layers it collides with
   nodes::Publications publications;
-  link::Publication server_publication;
+  nodes::Publication server_publication;
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
   Halt halt;

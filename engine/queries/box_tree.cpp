@@ -13,12 +13,6 @@ namespace {
 
 constexpr float infinity = std::numeric_limits<float>::infinity();
 
-float rounded_down(double value) noexcept {
-  const auto nearest = static_cast<float>(value);
-  return nearest - 0x1p-23f * std::abs(nearest);
-}
-float rounded_up(double value) noexcept { return -rounded_down(-value); }
-
 constexpr BoxGroup empty_group() noexcept {
   BoxGroup group{};
   for (auto& axis : group.lower) std::fill(std::begin(axis), std::end(axis), infinity);
@@ -28,19 +22,36 @@ constexpr BoxGroup empty_group() noexcept {
 
 std::size_t groups_of(std::size_t nodes) noexcept { return (nodes + tree_width - 1) / tree_width; }
 
-/// Numbers of groups of leaves, ascending; memory of builds on this thread.
-std::vector<std::uint32_t>& wanted_groups() noexcept {
-  thread_local std::vector<std::uint32_t> mine;
-  return mine;
+/// All groups of leaves; memory of builds on this thread.
+std::span<const std::uint32_t> all_groups(std::size_t leaves) {
+  thread_local std::vector<std::uint32_t> all;
+  all.resize(groups_of(leaves));
+  std::iota(all.begin(), all.end(), 0u);
+  return all;
 }
 
 }  // namespace
 
 void BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
+  lay_out(leaves.size);
+  fill(leaves, box_of, all_groups(leaves.size));
+}
+
+BoxGroup* BoxTree::start(std::size_t size, const Vec3d& origin) {
+  lay_out(size);
+  origin_ = origin;
+  size_ = size;
+  return groups_.data();
+}
+
+void BoxTree::finish() { fill_levels(all_groups(size_)); }
+
+/// Sets the levels for so many boxes, and the unused lanes of each.
+void BoxTree::lay_out(std::size_t size) {
   levels_.clear();
   size_ = 0;
   std::size_t groups = 0;
-  for (std::size_t nodes = leaves.size; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
+  for (std::size_t nodes = size; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
     levels_.push_back(groups);
     groups += groups_of(nodes);
     if (nodes <= tree_width) break;
@@ -51,18 +62,19 @@ void BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   groups_.resize(groups);
   for (std::size_t level = 0; level < levels_.size(); ++level)
     groups_[levels_[level] + level_size(level) - 1] = empty_group();
-  std::vector<std::uint32_t>& all = wanted_groups();
-  all.resize(groups_of(leaves.size));
-  std::iota(all.begin(), all.end(), 0u);
-  fill(leaves, box_of, all);
 }
 
 /// Sets the boxes of some groups of leaves, and what is above them.
 void BoxTree::fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted) {
   origin_ = box_of.origin();
-  cost_ = 0;
   size_ = leaves.size;
   choose_tree_kernels().fill_leaves(leaves, box_of, wanted, groups_.data());
+  fill_levels(wanted);
+}
+
+/// Sets what is above some groups of leaves.
+void BoxTree::fill_levels(std::span<const std::uint32_t> wanted) {
+  cost_ = 0;
   for (std::size_t level = 1; level < levels_.size(); ++level) fill_level(level, wanted);
   if (levels_.size() > 1) cost_ = surface_of(1) / static_cast<double>(size_);
 }
@@ -97,15 +109,25 @@ void BoxTree::fill_level(std::size_t level, std::span<const std::uint32_t> wante
   }
 }
 
-Reach BoxTree::reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept {
+TreeBox BoxTree::box_of(const Vec3d& lower, const Vec3d& upper) const noexcept {
   const double low[3] = {lower.x, lower.y, lower.z}, high[3] = {upper.x, upper.y, upper.z};
-  const double way[3] = {displacement.x, displacement.y, displacement.z};
   const double from[3] = {origin_.x, origin_.y, origin_.z};
-  Reach out;
+  TreeBox out;
   for (std::size_t a = 0; a < 3; ++a) {
     const double rounding = 0x1p-50 * (std::abs(from[a]) + std::max(std::abs(low[a]), std::abs(high[a])));
-    out.lower[a] = rounded_down(low[a] - from[a] - rounding);
-    out.upper[a] = rounded_up(high[a] - from[a] + rounding);
+    out.lower[a] = lower_side(low[a] - from[a] - rounding);
+    out.upper[a] = upper_side(high[a] - from[a] + rounding);
+  }
+  return out;
+}
+
+Reach BoxTree::reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept {
+  const double way[3] = {displacement.x, displacement.y, displacement.z};
+  const TreeBox box = box_of(lower, upper);
+  Reach out;
+  for (std::size_t a = 0; a < 3; ++a) {
+    out.lower[a] = box.lower[a];
+    out.upper[a] = box.upper[a];
     // With a displacement of less than 10^-30 m, the place does not change.
     out.inverse[a] = static_cast<float>(1 / (std::abs(way[a]) < 1e-30 ? std::copysign(1e-30, way[a]) : way[a]));
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -60,6 +61,14 @@ class BoxTree {
     fill(RowOrder{rows, order.data(), order.size()}, box_of, groups);
   }
 
+  /// Replaces the contents by `size` boxes around that origin, which the caller then sets: box i is lane i % 8 of group
+  /// i / 8 of what this returns. The tree is complete after finish().
+  BoxGroup* start(std::size_t size, const Vec3d& origin);
+  void finish();
+  /// A side of a box in metres from the tree's origin, rounded outwards.
+  static float lower_side(double metres) noexcept;
+  static float upper_side(double metres) noexcept { return -lower_side(-metres); }
+
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
@@ -70,6 +79,8 @@ class BoxTree {
 
   /// What a box from `lower` to `upper` (metres) that moves by `displacement` can reach.
   Reach reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept;
+  /// The box from `lower` to `upper` (metres), rounded outwards, as searches compare it.
+  TreeBox box_of(const Vec3d& lower, const Vec3d& upper) const noexcept;
   /// The surface of the groups of eight boxes, halved, in square metres for each box; a measure of what searches cost.
   double cost() const noexcept { return cost_; }
 
@@ -79,7 +90,9 @@ class BoxTree {
     return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
   void build(const RowOrder& leaves, const BoxConverter& box_of);
+  void lay_out(std::size_t size);
   void fill(const RowOrder& leaves, const BoxConverter& box_of, std::span<const std::uint32_t> wanted);
+  void fill_levels(std::span<const std::uint32_t> wanted);
   void fill_level(std::size_t level, std::span<const std::uint32_t> wanted);
   double surface_of(std::size_t level) const noexcept;
 
@@ -89,6 +102,11 @@ class BoxTree {
   base::FlatList<BoxGroup> groups_;
   std::vector<std::size_t> levels_;  ///< first group of each level
 };
+
+inline float BoxTree::lower_side(double metres) noexcept {
+  const auto nearest = static_cast<float>(metres);
+  return nearest - 0x1p-23f * std::abs(nearest);
+}
 
 /// The largest number of levels: 8^10 boxes.
 inline constexpr std::size_t max_levels = 10;

@@ -16,7 +16,6 @@ namespace {
 struct Scratch {
   base::FlatList<RowBounds> bounds;   ///< in the order of the tree
   std::vector<std::uint32_t> groups;  ///< of leaves, ascending
-  MedianSplits splits;
 };
 
 Scratch& scratch() {
@@ -135,7 +134,7 @@ void FramePart::sort(const FrameRows& objects) {
   for (std::uint32_t key = 0; key < objects.row_of.size(); ++key) {
     if (objects.row_of[key] != FrameRows::none) own_->keys.push_back(key);
   }
-  scratch().splits.sort(objects, own_->keys);
+  thread_splits().sort(objects, own_->keys);
 }
 
 // Sorting takes twice as long as an index. Where objects move at 10 m/s in a world of 160 m, an order lasts for eleven

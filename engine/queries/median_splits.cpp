@@ -65,9 +65,31 @@ void MedianSplits::sort(std::span<const RowBounds> bounds, std::vector<std::uint
       rows);
 }
 
+void MedianSplits::sort(std::span<const SeenState> states, std::span<std::uint32_t> numbers) {
+  constexpr std::size_t most_points = 16'384, many_leaves = 1024;
+  const auto place_of = [&](std::size_t i) -> const Vec3d& { return states[numbers[i]].pose.position; };
+  if (numbers.size() <= most_points) return sort_by(place_of, numbers);
+  // To divide the numbers in place takes longer, but no memory.
+  Vec3d lower = place_of(0), upper = lower;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const Vec3d& p = place_of(i);
+    lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z)};
+    upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+  }
+  const Vec3d side = upper - lower;
+  const auto along = side.x >= std::max(side.y, side.z) ? &Vec3d::x : side.y >= side.z ? &Vec3d::y : &Vec3d::z;
+  const std::size_t half = (numbers.size() / 2 + many_leaves - 1) / many_leaves * many_leaves;
+  std::nth_element(numbers.begin(), numbers.begin() + static_cast<std::ptrdiff_t>(half), numbers.end(),
+                   [&](std::uint32_t p, std::uint32_t q) {
+                     return states[p].pose.position.*along < states[q].pose.position.*along;
+                   });
+  sort(states, numbers.first(half));
+  sort(states, numbers.subspan(half));
+}
+
 /// `place_of(i)`: the place of `rows[i]`.
 template <class PlaceOf>
-void MedianSplits::sort_by(const PlaceOf& place_of, std::vector<std::uint32_t>& rows) {
+void MedianSplits::sort_by(const PlaceOf& place_of, std::span<std::uint32_t> rows) {
   if (rows.size() <= tree_width) return;
   points_.resize(rows.size());
   moved_.resize(rows.size());
@@ -172,6 +194,11 @@ void MedianSplits::divide_many(std::span<const Point> points, std::size_t count,
                      [axis](const Point& p, const Point& q) { return p.at[axis] < q.at[axis]; });
   }
   std::copy(middle.begin(), middle.end(), out + before);
+}
+
+MedianSplits& thread_splits() {
+  thread_local MedianSplits mine;
+  return mine;
 }
 
 }  // namespace ringfence::queries

@@ -7,6 +7,7 @@
 
 #include "queries/frame_object.hpp"
 #include "queries/tree_box.hpp"
+#include "ringfence/seen_state.hpp"
 
 namespace ringfence::queries {
 
@@ -22,6 +23,8 @@ class MedianSplits {
   void sort(const FrameRows& objects, std::vector<std::uint32_t>& keys);
   /// Sorts numbers of rows by the centres of bounds, in a space whose steps have the same size along each axis.
   void sort(std::span<const RowBounds> bounds, std::vector<std::uint32_t>& rows);
+  /// Sorts numbers of states by their positions. Memory: for at most 16,384 of them.
+  void sort(std::span<const SeenState> states, std::span<std::uint32_t> numbers);
 
  private:
   /// A place from that of the first object and the bits of the key: four floats, which are one vector.
@@ -31,7 +34,7 @@ class MedianSplits {
   struct Range;
 
   template <class PlaceOf>
-  void sort_by(const PlaceOf& place_of, std::vector<std::uint32_t>& rows);
+  void sort_by(const PlaceOf& place_of, std::span<std::uint32_t> rows);
   static Range range_of(std::span<const Point> points);
   void split(std::span<Point> points, Point* room, std::size_t each, std::uint32_t* rows);
   static void divide_few(std::span<const Point> points, std::size_t count, std::size_t axis, Point* out);
@@ -39,5 +42,8 @@ class MedianSplits {
 
   std::vector<Point> points_, moved_, middle_;
 };
+
+/// One for all that this thread sorts.
+MedianSplits& thread_splits();
 
 }  // namespace ringfence::queries

@@ -7,11 +7,14 @@
 #include "queries/filling-inl.hpp"
 #include "queries/searching-inl.hpp"
 #include "queries/streaming-inl.hpp"
+#include "queries/touching-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::queries::HWY_NAMESPACE {
 
-TreeKernels tree_kernels() { return {fill_leaves, fill_nodes, reach_boxes, reach_all, near_boxes, near_all}; }
+TreeKernels tree_kernels() {
+  return {fill_leaves, fill_nodes, reach_boxes, reach_all, near_boxes, near_all, list_touched};
+}
 
 }  // namespace ringfence::queries::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

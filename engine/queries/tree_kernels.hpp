@@ -36,6 +36,13 @@ struct StreamMemory {
 using BatchSearch = bool (*)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory,
                              Candidates& out, std::uint64_t& boxes);
 
+/// What list_touched() writes.
+struct TouchMemory {
+  std::uint32_t* groups[2];  ///< two lists as long as a level of groups, and stream_slack
+  /// The first box of each range and the one behind its last: as long as the boxes, and stream_slack.
+  std::uint32_t* ends;
+};
+
 /// The leaves of a tree and the searches in it, compiled for each instruction set and selected at run time. All
 /// versions visit each box that the query reaches within the limit; which others they visit, and in what order, may
 /// differ. They return the number of boxes that they compared.
@@ -54,6 +61,9 @@ struct TreeKernels {
   std::uint64_t (*near)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
   /// The same for a batch, with the limit of each query. Candidates::at is the square of a lower bound of the distance.
   BatchSearch near_all;
+  /// Lists the boxes that overlap or touch `box`, and no others, in the order of the tree, as ranges: neighbours in the
+  /// order are one range. Returns the number of ranges.
+  std::size_t (*list_touched)(const BoxTree& tree, const TreeBox& box, const TouchMemory& memory);
 };
 
 /// The kernels for the widest instruction set that this machine supports and Highway does not exclude.

@@ -284,18 +284,16 @@ TEST_CASE("nodes publish only states in their regions, so user nodes skip most p
     const auto relays = run.harness.relays();
     REQUIRE(relays.size() >= 3);  // and those of the user nodes
     for (const Published* relay : relays) {
-      const auto cells = relay->publication->cells(run.harness.last());
-      const regions::CellBox& cell_range = relay->cell_range[run.harness.last() & 1];
-      regions::CellBox exact = run.harness.config().grid.box_of(cells.front());
-      for (const std::uint32_t cell : cells) {
-        const regions::CellBox at = run.harness.config().grid.box_of(cell);
-        REQUIRE(cell_range.contains(at));
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          exact.lower[axis] = std::min(exact.lower[axis], at.lower[axis]);
-          exact.upper[axis] = std::max(exact.upper[axis], at.upper[axis]);
-        }
+      const auto states = relay->publication->states(run.harness.last());
+      Vec3d low = states.front().pose.position, high = low;
+      for (const PublishedState& state : states) {
+        const Vec3d& p = state.pose.position;
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+        high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
       }
-      REQUIRE(cell_range == exact);
+      const PlaceBox& bounds = relay->bounds[run.harness.last() & 1];
+      REQUIRE(bounds.lower == low);
+      REQUIRE(bounds.upper == high);
     }
   }
 }

@@ -16,7 +16,6 @@
 #include "facade/node_pool.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/channel.hpp"
-#include "link/publication.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/server/server_role.hpp"
 #include "nodes/user/user_role.hpp"
@@ -213,7 +212,7 @@ class TestHarness {
   geometry::FixedSpace space_{{0, 0, 0}, {64, 64, 64}};
   regions::RegionMap map_;
   Publications publications_;
-  link::Publication relay_;
+  Publication relay_;
   FrameOrder order_;
   base::SystemVector<Request> requests_;
   std::vector<Control> controls_;                                                      ///< by id

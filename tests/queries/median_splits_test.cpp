@@ -136,5 +136,43 @@ TEST_CASE("bounds are divided by their centres") {
   CHECK(rows == all_of(places.size()));
 }
 
+/// The halved surface of the boxes around each 16 neighbours.
+template <class PlaceOf>
+double surface(std::size_t count, const PlaceOf& place_of) {
+  double sum = 0;
+  for (std::size_t first = 0; first < count; first += 16) {
+    Vec3d lower = place_of(first), upper = lower;
+    for (std::size_t i = first; i < std::min(first + 16, count); ++i) {
+      const Vec3d p = place_of(i);
+      lower = {std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z)};
+      upper = {std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z)};
+    }
+    const Vec3d side = upper - lower;
+    sum += side.x * side.y + side.y * side.z + side.z * side.x;
+  }
+  return sum;
+}
+
+TEST_CASE("states are divided as well as objects, also if they are so many that they are divided in parts") {
+  Random random(4);
+  MedianSplits splits;
+  for (const std::size_t count : {1000, 70'000, 200'000}) {
+    CAPTURE(count);
+    std::vector<Vec3d> places(count);
+    std::vector<SeenState> states(count);
+    for (std::size_t i = 0; i < count; ++i) states[i].pose.position = places[i] = random.in_cube(100);
+    std::vector<std::uint32_t> numbers = all_of(count), keys = numbers;
+    splits.sort(states, numbers);
+    const std::vector<FrameObject> objects = at_places(places);
+    const std::vector<std::uint32_t> row_of = keys;
+    splits.sort({objects, row_of, count}, keys);
+    const double of_states = surface(count, [&](std::size_t i) { return places[numbers[i]]; });
+    CHECK(of_states < 1.02 * surface(
+                                 count, [&](std::size_t i) { return places[keys[i]]; }));
+    std::sort(numbers.begin(), numbers.end());
+    CHECK(numbers == all_of(count));
+  }
+}
+
 }  // namespace
 }  // namespace ringfence::queries_test

@@ -42,7 +42,7 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
   }
   if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
     channel->publication = std::make_unique<nodes::HostPublication>(
-        state.publications.grid, NodePool::share_of(config.capacities.objects, count), state.published_frames());
+        NodePool::share_of(config.capacities.objects, count), config.interest, state.published_frames());
   }
   return pool_channel(channel);
 }
@@ -65,7 +65,6 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.role.hosts = config.deployment == Deployment::user_collision;
   setup.role.remember_axes = config.tuning.remember_axes;
   setup.role.may_be_lost = state.nodes_may_be_lost();
-  setup.role.interest_grid = state.publications.grid;
   setup.objects = config.capacities.objects;
   setup.pairs = config.capacities.pairs;
   setup.faults = &state.faults;

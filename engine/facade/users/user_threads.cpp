@@ -55,7 +55,7 @@ DuplexChannel& UserThreads::channel(std::size_t index) {
     channel =
         std::make_unique<DuplexChannel>(state_.ring_bytes(ring_of(threads_.size())), state_.server_bell(), bell(index));
     channel->publication =
-        std::make_unique<nodes::HostPublication>(state_.publications.grid, 0, state_.published_frames());
+        std::make_unique<nodes::HostPublication>(0, state_.config.interest, state_.published_frames());
   }
   return *channel;
 }

@@ -36,10 +36,9 @@ struct CdNodeSetup {
   /// The node may be lost, so its host-owned states are also copied where the server can read them.
   bool may_be_lost = true;
   ExchangeKind exchange = ExchangeKind::messages;
-  regions::CellGrid interest_grid;  ///< cells of its publication, if the server connection has one
-  std::size_t objects = 0;          ///< number to reserve for
-  std::size_t pairs = 0;            ///< number to reserve for
-  FaultRelease* faults = nullptr;   ///< ends an injected stop; null: the node stops only between two steps
+  std::size_t objects = 0;         ///< number to reserve for
+  std::size_t pairs = 0;           ///< number to reserve for
+  FaultRelease* faults = nullptr;  ///< ends an injected stop; null: the node stops only between two steps
   /// Object slots are below this number. Checked if the server is in another process.
   std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;

@@ -17,10 +17,7 @@ void Mover::begin() {
   changed_ = {};
   done_ = false;
   const HostPublication* const publication = state_.setup.server.publication;
-  const bool published = std::exchange(publishes_, publication != nullptr && publication->wanted);
-  if (publishes_ && !published) {
-    state_.host.forget_cells();  // the cells were not updated while nothing was published
-  }
+  publishes_ = publication != nullptr && publication->wanted;
   SpanTimer time(state_.setup.track, "move", state_.stats.move_ns);
   state_.host.begin_move(state_.frame);
   halo_.begin();
@@ -54,9 +51,6 @@ void Mover::bound_batch() {
 // Runs after the bounds of the whole batch are computed. Reading bounds as a whole just after their parts were written
 // would stall the processor.
 void Mover::place_batch() {
-  if (publishes_) {
-    note_cells();
-  }
   constexpr std::size_t ahead = 12;
   const auto prefetch = [&](std::size_t i) {
     if (i < changed_.size()) {
@@ -70,14 +64,6 @@ void Mover::place_batch() {
     prefetch(i + ahead);
     const Placing placing = find(i);
     state_.host.differs()[i] != 0 ? place(placing) : rest(placing);
-  }
-}
-
-// Stores the cells in which the changed objects are published. The other objects are at rest, and still in the cell
-// stored before.
-void Mover::note_cells() {
-  for (std::size_t i = 0; i < changed_.size(); ++i) {
-    state_.host.set_cell(changed_[i], publication_cell(state_.host[changed_[i]], points_[i].at));
   }
 }
 
@@ -164,32 +150,19 @@ void Mover::publish() {
   }
   std::uint64_t publish_ns = 0;
   SpanTimer time(state_.setup.track, "publish", publish_ns);
-  link::Publication& publication = state_.setup.server.publication->publication;
-  publication.begin(state_.frame);
-  publication.add_table(static_cast<std::uint32_t>(state_.host.size()), [this](std::uint32_t i) {
-    if (state_.host.cell(i) == Host::unplaced) [[unlikely]] {
-      std::uint32_t point[3];
-      state_.setup.space->point(state_.host[i].pose.position, point);
-      state_.host.set_cell(i, publication_cell(state_.host[i], point));
-    }
-    return state_.host.cell(i);
-  });
+  HostPublication& own = *state_.setup.server.publication;
+  own.publication.begin(state_.frame);
+  own.publication.list_first(static_cast<std::uint32_t>(state_.host.size()));
   state_.fault.pass(NodeStage::publication, state_.frame);
-  publication.publish_indexed(
-      [this](std::uint32_t i) {
-        base::prefetch_for_read(&state_.host[i]);
-        base::prefetch_for_read(reinterpret_cast<const std::byte*>(&state_.host[i] + 1) - 1);
-      },
-      [this](std::uint32_t i) {
-        return link::PublishedState{state_.host[i].object.number, 0, state_.host[i].pose};
-      });
-  note_cell_range(state_.setup.server.publication->published, state_.frame);
+  own.publication.publish([this](std::uint32_t i) { base::prefetch_object(state_.host[i]); },
+                          [this](std::uint32_t i, PublishedState& to) {
+                            const Hosted& object = state_.host[i];
+                            to = {object.object.number, 0, object.pose};
+                            const bool present = (object.object.flags & messages::flag_present) != 0;
+                            return present ? Publication::Written::state : Publication::Written::nothing;
+                          });
+  note_published(own.published, state_.frame);
   published_run_.start(0);
-}
-
-std::uint32_t Mover::publication_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept {
-  return (object.object.flags & messages::flag_present) != 0 ? state_.setup.interest_grid.cell_of(point)
-                                                             : Host::unpublished;
 }
 
 }  // namespace ringfence::nodes

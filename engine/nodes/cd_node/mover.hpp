@@ -54,8 +54,6 @@ class Mover {
   void place(const Placing& moved);
   void rest(const Placing& resting);
   void enter(const Placing& placed, NextHost next, bool inner);
-  void note_cells();
-  std::uint32_t publication_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
 
   NodeState& state_;
   NodeExchange& exchange_;

@@ -16,7 +16,7 @@ HostedObjects::HostedObjects(std::size_t objects, std::size_t state_bytes)
 // Calls visit for each list that has an element for each object.
 template <class Visit>
 void HostedObjects::each_list(Visit visit) {
-  visit(hosted_), visit(numbers_), visit(touched_), visit(cells_), visit(places_in_list_);
+  visit(hosted_), visit(numbers_), visit(touched_), visit(places_in_list_);
   if (!groups_.empty()) {
     visit(groups_);
   }
@@ -43,7 +43,6 @@ void HostedObjects::adopt(const messages::HandOverRecord& record, const std::byt
   states_.resize(states_.size() + state_bytes_);
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
-  cells_.push_back(unplaced);
   places_in_list_.push_back(base::NumberIndex::none);
   add_group(record.group);
 }
@@ -77,7 +76,6 @@ void HostedObjects::prefetch_leaver(ObjectNumber number) const noexcept {
     base::prefetch_for_write(state(i));
     base::prefetch_for_write(state(i + 1) - 1);
   }
-  base::prefetch_for_write(&cells_[i]);
   base::prefetch_for_write(&places_in_list_[i]);
   base::prefetch_for_write(&numbers_[i]);
   base::prefetch_for_write(&touched_[i]);

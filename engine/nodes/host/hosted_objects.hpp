@@ -9,7 +9,6 @@
 #include "base/number_index.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
-#include "link/publication.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "ringfence/object.hpp"
@@ -56,15 +55,6 @@ class HostedObjects {
     }
   }
 
-  /// The interest-grid cell in which the role publishes hosted object i, as last set by the role; `unplaced` after its
-  /// adoption and after forget_cells().
-  std::uint32_t cell(std::size_t i) const noexcept { return cells_[i]; }
-  void set_cell(std::size_t i, std::uint32_t cell) noexcept { cells_[i] = cell; }
-  void forget_cells() noexcept { std::fill(cells_.begin(), cells_.end(), unplaced); }
-  static constexpr std::uint32_t unplaced = 0xfffffffeu;
-  /// Cell of an object that is not published because it is absent.
-  static constexpr std::uint32_t unpublished = link::Publication::no_cell;
-
   /// Position of hosted object i in a list of the role, as last set by the role; base::NumberIndex::none after its
   /// adoption.
   std::uint32_t place_in_list(std::size_t i) const noexcept { return places_in_list_[i]; }
@@ -110,7 +100,6 @@ class HostedObjects {
   base::FlatList<ObjectNumber> numbers_;  ///< of each hosted object; 16 fit a cache line
   base::FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< by hosted object: it differs, or was placed since the last move
-  base::FlatList<std::uint32_t> cells_;
   base::FlatList<std::uint32_t> places_in_list_;
   base::FlatList<std::uint32_t> groups_;  ///< empty as long as no hosted object has had a group
   base::NumberIndex index_;

@@ -18,7 +18,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       scheduler_(state_, *exchange_, states_),
       cut_(state_, states_, scheduler_, dispatch_),
       relay_(state_, *exchange_),
-      ingest_(state_, *exchange_, states_, relay_, statistics_),
+      ingest_(state_, *exchange_, states_, statistics_),
       router_(state_, *exchange_, states_, relay_, statistics_),
       failover_(state_, *exchange_, states_, relay_, statistics_),
       deadlines_(state_, failover_, dispatch_),

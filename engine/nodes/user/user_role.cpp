@@ -27,16 +27,19 @@ void UserRole::move(std::uint64_t frame, MoveScratch& scratch, const queries::Re
 
 // The publication implements the paper's application-level multicast to other user nodes: it is written once, and every
 // user node nearby reads it.
-std::uint32_t UserRole::publish(const Publications& all, link::Publication& publication, std::uint32_t added) {
-  own_ = {added, 0};
+std::uint32_t UserRole::publish(UserStates& states) {
+  own_ = {states.size(), static_cast<std::uint32_t>(host_.size())};
+  std::uint32_t present = 0;
   for (std::size_t i = 0; i < host_.size(); ++i) {
     const Hosted& object = host_[i];
     if ((object.object.flags & messages::flag_present) != 0) {
-      publication.add(all.cell_of(object.pose.position), {object.object.number, 0, object.pose});
-      ++own_.count;
+      states.add({object.object.number, 0, object.pose});
+      ++present;
+    } else {
+      states.add_absent();
     }
   }
-  return added + own_.count;
+  return present;
 }
 
 bool UserRole::send_states(link::Sender& server, messages::RunSender& run) const {

@@ -5,7 +5,6 @@
 #include <span>
 
 #include "base/numbers.hpp"
-#include "link/publication.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/fault_point.hpp"
@@ -42,9 +41,8 @@ class alignas(64) UserRole {
   // The steps of a frame, in order; `scratch` is that of the thread.
   /// Computes S(frame).
   void move(std::uint64_t frame, MoveScratch& scratch, const queries::RecordedFrame* sensed);
-  /// Adds the states to the publication of the thread. `added`: number of states that it has already. Returns how many
-  /// it has then.
-  std::uint32_t publish(const Publications& all, link::Publication& publication, std::uint32_t added);
+  /// Adds the objects to what the thread publishes. Returns the number of those that have a state.
+  std::uint32_t publish(UserStates& states);
   /// Number of states that send_states() sends; valid, like these, until another user node of the thread moves.
   std::size_t changed() const noexcept { return host_.changed().size(); }
   /// Sends the states that changed. Returns false if it has to be called again because the ring is full.
@@ -81,7 +79,7 @@ class alignas(64) UserRole {
   /// frame + 2 begins.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts().received(frame); }
   /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins.
-  std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
+  std::span<const std::span<const PublishedState>> seen(std::uint64_t frame) const noexcept {
     return seen_[frame & 1].spans();
   }
   const Host& host() const noexcept { return host_; }

@@ -117,11 +117,12 @@ void UserThreadRole::start(const messages::Header& header) {
       stats_ = {};
       setup_.server.publication->published.any[frame_ & 1] = false;
       setup_.server.publication->publication.begin(frame_);
+      setup_.server.publication->users.clear();
       break;
     case MessageType::read_publications:
       enter(telemetry::StepClock::read_publications);
       task_ = Task::read;
-      setup_.parts.reader->begin(frame_, &setup_.server.publication->published);
+      setup_.parts.reader->begin(frame_, setup_.server.publication);
       break;
     case MessageType::notify:  // all contacts of the frame have arrived
       enter(telemetry::StepClock::end);
@@ -167,7 +168,7 @@ Step UserThreadRole::move_all() {
     if (!move(*user)) [[unlikely]] {
       return Step::abandoned;
     }
-    published_ = user->publish(*setup_.publications, setup_.server.publication->publication, published_);
+    published_ += user->publish(setup_.server.publication->users);
     user->host().report(stats_);
     run_.start(user->changed());
     sending_ = user;
@@ -193,8 +194,8 @@ bool UserThreadRole::move(UserRole& user) {
 
 void UserThreadRole::publish() {
   HostPublication& own = *setup_.server.publication;
-  own.publication.publish();
-  note_cell_range(own.published, frame_);
+  own.users.publish(own.publication);
+  note_published(own.published, frame_);
   stats_.published = published_;
 }
 

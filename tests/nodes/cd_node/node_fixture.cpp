@@ -17,7 +17,7 @@ void ShiftModel::move(std::uint64_t, std::span<const MotionInput> inputs, std::s
 NodeFixture::NodeFixture(const NodeFixtureConfig& config)
     : to_server_(config.ring_bytes, nullptr, nullptr),
       to_peer_(config.ring_bytes, nullptr, nullptr),
-      publication_(grid_, 16) {
+      publication_(16, 8) {
   shapes_.add(Sphere{0.5f});
   CdNodeSetup setup;
   setup.node = config.node;
@@ -27,7 +27,6 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.placement = config.placement;
   setup.exchange = config.shares_memory ? ExchangeKind::shared : ExchangeKind::messages;
   setup.layer_masks.fill(~0u);
-  setup.interest_grid = grid_;
   setup.objects = setup.pairs = 16;
   setup.server.out = &to_server_.sender();
   if (config.shares_memory) {

@@ -6,10 +6,8 @@
 
 namespace ringfence::nodes::test {
 
-ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), relay_(grid_.cells(), 16) {
+ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), relay_(16, config.interest) {
   shapes_.add(Sphere{0.5f});
-  publications_.grid = grid_;
-  publications_.space = &space_;
   publications_.server.publication = &relay_;
   ServerSetup setup;
   setup.shapes = &shapes_;
@@ -48,7 +46,7 @@ Connection ServerFixture::connection(Endpoint peer) {
   const bool shares = config_.shares_memory && peer.is_node();
   made->node_contacts.host = &made->host;
   made->node_contacts.host_states.reserve(16, 0);
-  made->publication = std::make_unique<HostPublication>(grid_, 16);
+  made->publication = std::make_unique<HostPublication>(16, config_.interest);
   return {&made->to_peer.sender(), &made->from_peer.receiver(), shares ? &made->node_contacts : nullptr,
           shares && config_.interest > 0 ? made->publication.get() : nullptr};
 }

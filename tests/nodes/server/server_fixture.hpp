@@ -10,7 +10,6 @@
 
 #include "geometry/shape_table.hpp"
 #include "link/channel.hpp"
-#include "link/publication.hpp"
 #include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/node_contacts.hpp"
@@ -109,7 +108,7 @@ class ServerFixture {
   geometry::FixedSpace space_{{0, 0, 0}, {64, 64, 64}};
   regions::CellGrid grid_{{2, 2, 1}};
   Publications publications_;
-  link::Publication relay_;
+  Publication relay_;
   FrameOrder order_;
   std::map<std::uint32_t, std::unique_ptr<Peer>> peers_;  ///< by Endpoint::value
   std::unique_ptr<ServerState> state_;

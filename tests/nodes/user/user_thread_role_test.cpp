@@ -90,9 +90,8 @@ struct Fixture {
   }
 
   RecordingModel model;
-  geometry::FixedSpace space{{0, 0, 0}, {64, 64, 64}};
-  Publications publications{.grid = {{2, 2, 1}}, .space = &space, .server = {}, .relays = {}};
-  HostPublication publication{publications.grid, 0};
+  Publications publications;
+  HostPublication publication{0, interest};
   InterestReader reader{publications, interest};
   link::Channel to_users, from_users;
   std::vector<std::unique_ptr<UserRole>> users;
@@ -140,7 +139,7 @@ TEST_CASE("a user node reads what the others of its thread have published, and n
   const auto seen = [&](std::size_t user) {
     Numbers numbers;
     for (const auto states : test.users[user]->seen(1)) {
-      for (const link::PublishedState& state : states) numbers.push_back(state.number);
+      for (const PublishedState& state : states) numbers.push_back(state.number);
     }
     return numbers;
   };

@@ -480,9 +480,7 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
-      const std::uint32_t soon = message.view<messages::ReplicaRecord>(i + ahead).slot;
-      objects.prefetch(soon, false);
-      relay_.prefetch_cell(soon);
+      objects.prefetch(message.view<messages::ReplicaRecord>(i + ahead).slot, false);
     }
     const auto& record = message.view<messages::ReplicaRecord>(i);
     const std::uint32_t slot = record.slot;
@@ -493,7 +491,6 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
     }
     objects.change_row(slot).pose = record.pose;
     objects.marks(slot) |= reported_mark;
-    relay_.note_position(slot, record.pose.position);
     std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved_host_only(slot);
   }

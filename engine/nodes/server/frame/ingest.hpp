@@ -8,7 +8,6 @@
 #include "base/numbers.hpp"
 #include "messages/header.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
-#include "nodes/server/frame/state_relay.hpp"
 #include "nodes/server/frame/statistics.hpp"
 #include "nodes/server/objects/object_states.hpp"
 #include "nodes/server/server_state.hpp"
@@ -24,9 +23,8 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role.
 class Ingest {
  public:
-  Ingest(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
-         Statistics& statistics) noexcept
-      : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
+  Ingest(ServerState& state, ServerExchange& exchange, ObjectStates& states, Statistics& statistics) noexcept
+      : state_(state), exchange_(exchange), states_(states), statistics_(statistics) {}
 
   /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
   bool receive();
@@ -64,7 +62,6 @@ class Ingest {
   ServerState& state_;
   ServerExchange& exchange_;
   ObjectStates& states_;
-  StateRelay& relay_;
   Statistics& statistics_;
   base::FlatList<NodeNumber> arrived_;  ///< scratch
   bool any_broken_ = false;             ///< a node that is not lost yet has broken the protocol

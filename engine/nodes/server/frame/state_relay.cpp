@@ -1,5 +1,6 @@
 #include "nodes/server/frame/state_relay.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/prefetch.hpp"
@@ -7,7 +8,7 @@
 namespace ringfence::nodes {
 
 StateRelay::StateRelay(ServerState& state, const ServerExchange& exchange) : state_(state), exchange_(exchange) {
-  cells_.reserve(state.setup.capacities.objects);
+  listed_.reserve(state.setup.capacities.objects);
 }
 
 // With placement region, nodes do not report most states, so they publish themselves. Otherwise few nodes test for
@@ -30,60 +31,53 @@ void StateRelay::order(PeerSession& node) const noexcept {
 
 void StateRelay::publish(bool holds_lost_objects) {
   if (is_final_) {
-    cells_are_known_ = false;  // reclaimed objects have moved since
+    list_is_known_ = false;  // reclaimed objects have moved since
     return;
   }
   Published& relay = state_.setup.publications->server;
   relay.any[state_.frame & 1] = false;
   if (!is_needed() || (nodes_publish_ && !holds_lost_objects)) {
-    cells_are_known_ = false;
+    list_is_known_ = false;
     return;
   }
-  update_cells();
+  list_objects();
   const ObjectTable& objects = state_.objects;
-  link::Publication& publication = *relay.publication;
+  Publication& publication = *relay.publication;
   publication.begin(state_.frame);
-  for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    if (cells_[slot] != not_relayed && !(nodes_publish_ && objects.host(slot).is_node())) {
-      publication.add_index(cells_[slot], slot);
-    }
-  }
-  publication.publish_indexed([&](std::uint32_t slot) { base::prefetch_for_read(&objects.row(slot)); },
-                              [&](std::uint32_t slot) {
-                                const ObjectRow& row = objects.row(slot);
-                                return link::PublishedState{row.object.number, 0, row.pose};
-                              });
-  // Computing the exact range here would cost more than readers lose by searching everywhere.
-  relay.cell_range[state_.frame & 1] = state_.setup.publications->grid.all();
-  relay.any[state_.frame & 1] = !publication.states(state_.frame).empty();
+  publication.publish([&](std::uint32_t slot) { base::prefetch_for_read(&objects.row(slot)); },
+                      [&](std::uint32_t slot, PublishedState& to) {
+                        if (!is_relayed(slot)) {
+                          listed_[slot] = 0;
+                          return Publication::Written::unlisted;
+                        }
+                        if (nodes_publish_ && objects.host(slot).is_node()) {
+                          return Publication::Written::nothing;
+                        }
+                        const ObjectRow& row = objects.row(slot);
+                        to = {row.object.number, 0, row.pose};
+                        return Publication::Written::state;
+                      });
+  note_published(relay, state_.frame);
 }
 
-// Updates the cell of every published object; objects that have not moved keep theirs, and so do those whose position
-// was noted.
-void StateRelay::update_cells() {
+// Lists the slots of objects that are published. An object that has come to a slot or that is present again is among
+// those that moved. The publication removes the others.
+void StateRelay::list_objects() {
   const ObjectTable& objects = state_.objects;
-  const auto update = [&](std::uint32_t slot) {
-    const ObjectRow& row = objects.row(slot);
-    const auto category = static_cast<Category>(row.category);
-    const bool relayed =
-        objects.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
-    cells_[slot] = relayed ? cell_of(row.pose.position) : not_relayed;
+  const auto list = [&](std::uint32_t slot) {
+    if (listed_[slot] == 0 && is_relayed(slot)) {
+      listed_[slot] = 1;
+      state_.setup.publications->server.publication->list(slot);
+    }
   };
-  const std::size_t known = std::exchange(cells_are_known_, true) ? cells_.size() : 0;
-  cells_.resize(objects.slots());
-  for (auto slot = static_cast<std::uint32_t>(known); slot < objects.slots(); ++slot) {
-    update(slot);
+  const auto known = static_cast<std::uint32_t>(listed_.size());
+  listed_.resize(objects.slots());
+  std::fill(listed_.begin() + known, listed_.end(), std::uint8_t{0});
+  for (std::uint32_t slot = std::exchange(list_is_known_, true) ? known : 0; slot < objects.slots(); ++slot) {
+    list(slot);
   }
-  constexpr std::size_t ahead = 8;
-  const auto is_stale = [&](std::uint32_t slot) { return (objects.marks(slot) & cell_noted_mark) == 0; };
-  const auto moved = objects.moved();
-  for (std::size_t i = 0; i < moved.size(); ++i) {
-    if (i + ahead < moved.size() && is_stale(moved[i + ahead])) {
-      base::prefetch_for_read(&objects.row(moved[i + ahead]));
-    }
-    if (moved[i] < known && is_stale(moved[i])) {
-      update(moved[i]);
-    }
+  for (const std::uint32_t slot : objects.moved()) {
+    list(slot);
   }
 }
 
@@ -139,7 +133,7 @@ void StateRelay::count(const Published& relay) noexcept {
   const std::size_t states = relay.publication->states(state_.frame).size();
   ++traffic.messages;
   traffic.records += states;
-  traffic.bytes += states * sizeof(link::PublishedState);
+  traffic.bytes += states * sizeof(PublishedState);
 }
 
 }  // namespace ringfence::nodes

@@ -3,7 +3,6 @@
 #include <cstdint>
 
 #include "base/flat_list.hpp"
-#include "base/prefetch.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 
@@ -14,7 +13,7 @@ namespace ringfence::nodes {
 /// nodes of this process, each the objects that it hosts. The server publishes the rest, and lists the valid
 /// publications.
 ///
-/// Threads: belongs to the server role. Memory: 4 bytes a slot.
+/// Threads: belongs to the server role. Memory: 1 byte a slot.
 class StateRelay {
  public:
   StateRelay(ServerState& state, const ServerExchange& exchange);
@@ -23,20 +22,6 @@ class StateRelay {
   void begin();
   /// Notifies a node that joins within the frame.
   void order(PeerSession& node) const noexcept;
-  /// The object in that slot has this position in this frame. Cheaper here than in publish(), where its row is no
-  /// longer in the cache.
-  void note_position(std::uint32_t slot, Vec3d position) noexcept {
-    if (slot < cells_.size() && cells_[slot] != not_relayed) {
-      cells_[slot] = cell_of(position);
-      state_.objects.marks(slot) |= cell_noted_mark;
-    }
-  }
-  /// Prefetches what note_position() accesses.
-  void prefetch_cell(std::uint32_t slot) const noexcept {
-    if (slot < cells_.size()) {
-      base::prefetch_for_write(&cells_[slot]);
-    }
-  }
   /// When all poses are final: publishes what no other role publishes: everything, or the objects of nodes in other
   /// processes and of lost nodes. `holds_lost_objects`: the server holds objects of lost nodes. Repeated in the same
   /// frame after a loss, unless user nodes already read: then the lost node had published before, too, and its
@@ -56,21 +41,22 @@ class StateRelay {
   }
 
  private:
-  static constexpr std::uint32_t not_relayed = 0xffffffffu;
-
   bool is_needed() const noexcept {
     return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
   }
-  std::uint32_t cell_of(const Vec3d& position) const noexcept { return state_.setup.publications->cell_of(position); }
-  void update_cells();
+  bool is_relayed(std::uint32_t slot) const noexcept {
+    const auto category = static_cast<Category>(state_.objects.row(slot).category);
+    return state_.objects.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
+  }
+  void list_objects();
   void list_publications();
   void count(const Published& relay) noexcept;
 
   ServerState& state_;
   const ServerExchange& exchange_;
-  base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
+  base::FlatList<std::uint8_t> listed_;  ///< by slot, 1: it is an entry of the server's publication
   bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame
-  bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
+  bool list_is_known_ = false;           ///< all objects are listed but those that are new or moved in this frame
   bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
 };
 

@@ -152,7 +152,7 @@ void Statistics::add_users(const messages::NodeFrameStats& stats) noexcept {
   add_refusals(stats);
   TrafficReport& m1 = state_.report().traffic[static_cast<std::size_t>(Traffic::m1)];
   m1.records += stats.published;
-  m1.bytes += stats.published * sizeof(link::PublishedState);
+  m1.bytes += stats.published * sizeof(PublishedState);
 }
 
 void Statistics::add(const PeerSession& session, const messages::NodeFrameStats& stats) noexcept {

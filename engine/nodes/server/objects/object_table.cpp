@@ -116,7 +116,7 @@ void ObjectTable::end(std::uint32_t slot) {
 void ObjectTable::settle() {
   // An object that moved rests from the next frame on, unless mark_moved() clears the byte again.
   for (const std::uint32_t slot : moved_) {
-    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark | cell_noted_mark));
+    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark));
     resting_[slot] = 1;
   }
   moved_.clear();

@@ -31,13 +31,12 @@ enum ObjectMark : ObjectMarks {
   inner_mark = 32,      ///< reported with reported_mark: its bounds touch only cells of the reporting node
   recovered_mark = 64,  ///< host lost; held by the server until the next cut
   host_changed_mark = 128,  ///< moved from one host to another at this cut
-  host_owned_mark = 256,   ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
-                           ///< and notified cells here may be of an earlier frame
-  avatar_mark = 512,       ///< its category is avatar
-  cell_noted_mark = 1024,  ///< StateRelay knows its cell in this frame
-  jumped_mark = 2048,      ///< it was placed at its last new pose; undefined while host_owned_mark is set
+  host_owned_mark = 256,  ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
+                          ///< and notified cells here may be of an earlier frame
+  avatar_mark = 512,      ///< its category is avatar
+  jumped_mark = 1024,     ///< it was placed at its last new pose; undefined while host_owned_mark is set
   no_state_mark =
-      4096  ///< the model's state is not in the table, but in the memory of the CD node that hosts the object
+      2048  ///< the model's state is not in the table, but in the memory of the CD node that hosts the object
 };
 
 /// What is read of the objects of a contact, by slot; the spans are parallel. Numbers and marks are small enough for

@@ -36,8 +36,7 @@ struct Receiver {
   ServerFixture fixture;
   ObjectStates states{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
-  StateRelay relay{fixture.state(), fixture.exchange()};
-  Ingest ingest{fixture.state(), fixture.exchange(), states, relay, statistics};
+  Ingest ingest{fixture.state(), fixture.exchange(), states, statistics};
 };
 
 TEST_CASE("a user node moves the objects that it hosts, and its other records are refused and reported to it") {

@@ -13,7 +13,7 @@ constexpr FixtureConfig publishing{.placement = Placement::region, .shares_memor
 
 std::vector<ObjectNumber> published(const Published& published, std::uint64_t frame) {
   std::vector<ObjectNumber> numbers;
-  for (const link::PublishedState& state : published.publication->states(frame)) {
+  for (const PublishedState& state : published.publication->states(frame)) {
     numbers.push_back(state.number);
   }
   std::sort(numbers.begin(), numbers.end());
@@ -24,11 +24,15 @@ std::vector<ObjectNumber> published(const Published& published, std::uint64_t fr
 void publish(ServerFixture& fixture, NodeNumber node, ObjectNumber number) {
   const std::uint64_t frame = fixture.state().frame;
   const Pose pose = fixture.state().objects.row(fixture.state().objects.find(number)).pose;
-  link::Publication& publication = fixture.publication(node).publication;
+  Publication& publication = fixture.publication(node).publication;
   publication.begin(frame);
-  publication.add(fixture.publications().cell_of(pose.position), {number, 0, pose});
-  publication.publish();
-  note_cell_range(fixture.publication(node).published, frame);
+  publication.list_first(1);
+  publication.publish([](std::uint32_t) {},
+                      [&](std::uint32_t, PublishedState& to) {
+                        to = {number, 0, pose};
+                        return Publication::Written::state;
+                      });
+  note_published(fixture.publication(node).published, frame);
   fixture.state().nodes[node].received.published = true;
 }
 
@@ -137,24 +141,48 @@ TEST_CASE("nothing is published while no user is connected") {
   CHECK(fixture.publications().relays[1].empty());
 }
 
-TEST_CASE("an object that moved, and one that is new, are published in their present cells") {
-  ServerFixture fixture({.interest = 8});
-  fixture.connect(0);
-  const std::uint32_t mover = fixture.add({1, 1, 1}, Endpoint::node(0));
-  StateRelay relay(fixture.state(), fixture.exchange());
-  relay.begin();
-  relay.publish(false);
-  fixture.state().objects.settle();
-  fixture.state().frame = 2;
-  fixture.state().objects.change_row(mover).pose.position = {60, 60, 60};
-  fixture.state().objects.mark_moved(mover);
-  fixture.add({60, 60, 61}, Endpoint::node(0));
-  relay.begin();
-  relay.publish(false);
-  std::uint32_t point[3];
-  fixture.state().setup.space->point({60, 60, 60}, point);
-  const link::Publication& publication = *fixture.publications().server.publication;
-  CHECK(publication.read(2, fixture.publications().grid.cell_of(point)).size() == 2);
+/// Frame after frame in one fixture, with node 0 as the host of all.
+struct RelayRun {
+  RelayRun() { fixture.connect(0); }
+  /// The objects that the server publishes in the next frame.
+  std::vector<ObjectNumber> next() {
+    relay.begin();
+    relay.publish(false);
+    const auto numbers = published(fixture.publications().server, fixture.state().frame);
+    fixture.state().objects.settle();
+    ++fixture.state().frame;
+    return numbers;
+  }
+  ServerFixture fixture{{.interest = 8}};
+  StateRelay relay{fixture.state(), fixture.exchange()};
+};
+
+TEST_CASE("an object that moved, and one that is new, are published at their present positions") {
+  RelayRun run;
+  const std::uint32_t mover = run.fixture.add({1, 1, 1}, Endpoint::node(0));
+  CHECK(run.next() == std::vector<ObjectNumber>{1});
+  run.fixture.state().objects.change_row(mover).pose.position = {60, 60, 60};
+  run.fixture.state().objects.mark_moved(mover);
+  run.fixture.add({60, 60, 61}, Endpoint::node(0));
+  CHECK(run.next() == std::vector<ObjectNumber>{1, 2});
+  const PlaceBox bounds = run.fixture.publications().server.bounds[0];
+  CHECK(bounds.lower == Vec3d{60, 60, 60});
+  CHECK(bounds.upper == Vec3d{60, 60, 61});
+}
+
+TEST_CASE("an object is not published while it is disabled, and is again afterwards") {
+  RelayRun run;
+  const std::uint32_t slot = run.fixture.add({1, 1, 1}, Endpoint::node(0));
+  run.fixture.add({2, 1, 1}, Endpoint::node(0));
+  ObjectTable& objects = run.fixture.state().objects;
+  CHECK(run.next() == std::vector<ObjectNumber>{1, 2});
+  for (const bool present : {false, true, false, true}) {
+    objects.change_row(slot).object.flags = present ? messages::flag_present : 0u;
+    objects.mark_moved(slot);
+    const std::vector<ObjectNumber> expected = present ? std::vector<ObjectNumber>{1, 2} : std::vector<ObjectNumber>{2};
+    CHECK(run.next() == expected);
+    CHECK(run.next() == expected);
+  }
 }
 
 }  // namespace
