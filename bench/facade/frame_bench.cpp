@@ -6,8 +6,9 @@
 
 #include <benchmark/benchmark.h>
 
+#include "facade/frame_implementations.hpp"
+#include "facade/memory_bench.hpp"
 #include "facade/recorded_world.hpp"
-#include "facade/service_frames.hpp"
 #include "item_reporter.hpp"
 #include "telemetry/clock.hpp"
 
@@ -16,20 +17,12 @@
 // frame_drift/mixed/<n>/<impl>: bodies of other sizes that fly, generated here, so that no run of ours chose the
 // motion. Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
 // the contacts are compared with those of our own plain loop: the service must agree on every pair, a peer may differ
-// in 3 % of the contacts.
+// in 3 % of the contacts. memory/mixed/<n>/<impl> is in memory_bench.cpp.
 
 namespace ringfence::bench {
 namespace {
 
 constexpr std::size_t recorded_frames = 16;
-
-struct Implementation {
-  const char* name;
-  bool threads;               ///< multi-threaded: reports wall time
-  std::uint32_t max_objects;  ///< with more objects a frame takes seconds
-  double allowed_difference;  ///< as a share of the contacts
-  std::unique_ptr<FrameTester> (*make)(const RecordedWorld& world);
-};
 
 struct Setting {
   worlds::ShapeSetting shapes = worlds::ShapeSetting::mixed;
@@ -38,38 +31,6 @@ struct Setting {
   bool drifts = false;        ///< the world of make_drift_world instead of the paper's
   bool operator==(const Setting&) const = default;
 };
-
-const std::vector<Implementation>& implementations() {
-  constexpr std::uint32_t any = 0xffffffff;
-  constexpr double peer = 0.03;  // Bullet keeps contact points of earlier frames and uses margins
-  static const std::vector<Implementation> all = {
-      {"ringfence", false, any, 0, [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::server); }},
-      {"ringfence_region", false, any, 0,
-       [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::region); }},
-      {"ringfence_place", false, any, 0, make_place_frame},
-      {"ringfence_server_2", true, any, 0,
-       [](const RecordedWorld& w) { return make_service_frame(w, 2, Placement::server); }},
-      {"ringfence_region_2", true, any, 0,
-       [](const RecordedWorld& w) { return make_service_frame(w, 2, Placement::region); }},
-      {"loop", false, any, 0, make_loop_frame},
-      {"tbb", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 1); }},
-      {"tbb_2", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 2); }},
-#ifdef RINGFENCE_BENCH_FCL
-      {"fcl", false, any, peer, [](const RecordedWorld& w) { return make_fcl_frame(w, 1); }},
-      {"fcl_2", true, any, peer, [](const RecordedWorld& w) { return make_fcl_frame(w, 2); }},
-#endif
-#ifdef RINGFENCE_BENCH_BULLET
-      {"bullet", false, 64000, peer, make_bullet_frame},
-#endif
-#ifdef RINGFENCE_BENCH_EMBREE
-      {"embree", false, any, 0, make_embree_frame},
-#endif
-#ifdef RINGFENCE_BENCH_CGAL
-      {"cgal", false, any, 0, make_cgal_frame},
-#endif
-  };
-  return all;
-}
 
 std::vector<std::uint64_t> sorted(std::vector<std::uint64_t> keys) {
   std::sort(keys.begin(), keys.end());
@@ -132,7 +93,7 @@ void run(benchmark::State& state, const Setting& setting, const Implementation& 
 }
 
 void add(const std::string& name, const Setting& setting) {
-  for (const Implementation& implementation : implementations()) {
+  for (const Implementation& implementation : frame_implementations()) {
     if (setting.objects > implementation.max_objects) continue;
     auto* bench = benchmark::RegisterBenchmark((name + '/' + implementation.name).c_str(),
                                                [=](benchmark::State& state) { run(state, setting, implementation); });
@@ -149,6 +110,7 @@ int main(int argc, char** argv) {
   using ringfence::worlds::ShapeSetting;
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  add_memory_benchmarks();
   for (const ShapeSetting shapes :
        {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
     for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {

@@ -10,6 +10,7 @@
 #include "fuzz/target.hpp"
 #include "geometry/mesh.hpp"
 #include "mesh_file.hpp"
+#include "mesh_format.hpp"
 #include "mesh_import.hpp"
 #include "ringfence/error.hpp"
 

@@ -26,8 +26,9 @@ function(expect_package name)
   endforeach()
 endfunction()
 
-expect_package(ringfence libc6 libtbb12 libassimp5 libhwy1 libhwloc15 libccd2)
+expect_package(ringfence libc6 libtbb12 libassimp5 libcairo2 libhwy1 libhwloc15 libccd2)
 run(${work_dir}/ringfence/usr/bin/ringfence --version)
+expect_files(${work_dir}/ringfence/usr/libexec/ringfence ringfence-mesh-reader png.so)
 expect_package(libringfence-dev libtbb-dev libccd-dev libhwy-dev libhwloc-dev)
 expect_files(${work_dir}/libringfence-dev/usr include/ringfence/world.hpp lib/libringfence.a
   lib/cmake/ringfence/ringfence-config.cmake lib/pkgconfig/ringfence.pc)

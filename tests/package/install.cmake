@@ -1,5 +1,5 @@
 # Installs everything, moves it, and checks what is there; then the program runs from the new place.
-# Arguments: build_dir, work_dir, version, dds, help (whether there are a man page and a completion).
+# Arguments: source_dir, build_dir, work_dir, version, dds, help (whether there are a man page and a completion).
 
 cmake_minimum_required(VERSION 3.25)
 include(${CMAKE_CURRENT_LIST_DIR}/run.cmake)
@@ -26,7 +26,17 @@ if(NOT output STREQUAL "ringfence ${version}\n")
   message(FATAL_ERROR "--version printed ${output}; expected ringfence ${version}")
 endif()
 set(air ${prefix}/share/ringfence/air)
-run(${prefix}/bin/ringfence replay --scene ${air}/scene.json --motion ${air}/motion.csv --quiet)
+run(${prefix}/bin/ringfence replay --scene ${air}/scene.json --motion ${air}/motion.csv --quiet
+  --picture ${work_dir}/air.png)
 if(NOT output MATCHES "\ndigest      bb1603058c04df26\n")
   message(FATAL_ERROR "the installed example has another digest:\n${output}")
 endif()
+expect_files(${work_dir} air.png)
+
+# The helpers in libexec: PNG pictures were tested above, mesh files here.
+file(COPY ${source_dir}/tests/tools/meshes/tetrahedron.ply DESTINATION ${work_dir})
+file(WRITE ${work_dir}/scene.json [[{"format": "ringfence-scene", "version": 1,
+ "bounds": {"min": [-5, -5, -5], "max": [5, 5, 5]}, "shapes": {"rock": {"type": "mesh", "file": "tetrahedron.ply"}},
+ "objects": [{"id": 1, "shape": "rock", "category": "active", "position": [0, 0, 0]}]}]])
+file(WRITE ${work_dir}/motion.csv "frame,object,x,y,z,qx,qy,qz,qw\n0,1,0,0,0,0,0,0,1\n")
+run(${prefix}/bin/ringfence replay --scene ${work_dir}/scene.json --motion ${work_dir}/motion.csv --quiet)

@@ -76,6 +76,10 @@ install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}
 if(TARGET ringfence_program)
   add_dependencies(installed ringfence_program)
   install(TARGETS ringfence_program RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
+  get_property(helpers GLOBAL PROPERTY ringfence_helpers)
+  add_dependencies(installed ${helpers})
+  install(TARGETS ${helpers} RUNTIME DESTINATION libexec/ringfence COMPONENT program
+    LIBRARY DESTINATION libexec/ringfence COMPONENT program)
   # The target ringfence_help generates both from the help of the program.
   if(TARGET ringfence_help)
     add_dependencies(installed ringfence_help)

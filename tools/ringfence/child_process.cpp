@@ -2,77 +2,50 @@
 
 #include <cerrno>
 #include <csignal>
-#include <cstdlib>
 #include <cstring>
-#include <exception>
-#include <fstream>
+#include <system_error>
+#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/resource.h>
+#include <spawn.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "child_answer.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::tools {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool sanitized = true;
-#elif defined(__has_feature)
-constexpr bool sanitized = __has_feature(address_sanitizer) || __has_feature(thread_sanitizer);
-#else
-constexpr bool sanitized = false;
-#endif
+/// A file descriptor that is closed in the end, and is not inherited by a child.
+class Descriptor {
+ public:
+  explicit Descriptor(int file) : file_(file) {}
+  ~Descriptor() { close(); }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  int get() const noexcept { return file_; }
+  void close() noexcept {
+    if (file_ >= 0) ::close(std::exchange(file_, -1));
+  }
 
-constexpr int out_of_memory = 3, failed = 4;
+ private:
+  int file_;
+};
 
-void set_limit(int resource, rlim_t value) {
-  rlimit now{};
-  getrlimit(static_cast<__rlimit_resource_t>(resource), &now);
-  if (now.rlim_max != RLIM_INFINITY && value > now.rlim_max) value = now.rlim_max;
-  now.rlim_cur = value;
-  setrlimit(static_cast<__rlimit_resource_t>(resource), &now);
+[[noreturn]] void fail(const std::string& what, int why) {
+  throw Error(fmt::format("cannot {}: {}", what, std::strerror(why)));
 }
 
-std::size_t address_space() {
-  std::size_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
-}
-
-bool write_all(int file, const std::string& text) {
-  for (std::size_t at = 0; at < text.size();) {
-    const ssize_t some = write(file, text.data() + at, text.size() - at);
+void write_input(int file, std::string_view input) {
+  while (!input.empty()) {
+    const ssize_t some = write(file, input.data(), input.size());
     if (some < 0 && errno == EINTR) continue;
-    if (some <= 0) return false;
-    at += static_cast<std::size_t>(some);
+    if (some <= 0) fail("write the input of a child process", errno);
+    input.remove_prefix(static_cast<std::size_t>(some));
   }
-  return true;
-}
-
-[[noreturn]] void run_child(int out, const std::function<std::string()>& work, const ChildLimits& limits) {
-  set_limit(RLIMIT_CORE, 0);
-  set_limit(RLIMIT_CPU, limits.cpu_seconds);
-  if (!sanitized) set_limit(RLIMIT_AS, address_space() + limits.memory_bytes);
-  // Discard what the library in the child prints: it is not a message of this program.
-  const int null_device = open("/dev/null", O_WRONLY | O_CLOEXEC);
-  if (null_device >= 0) {
-    dup2(null_device, STDOUT_FILENO);
-    dup2(null_device, STDERR_FILENO);
-  }
-  // Without this, signal handlers of this process or of a fuzzer would report the child's crash as their own.
-  for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGXCPU}) std::signal(signal, SIG_DFL);
-  int code = 0;
-  try {
-    if (!write_all(out, work())) code = failed;
-  } catch (const std::bad_alloc&) {
-    code = out_of_memory;
-  } catch (const std::exception&) {
-    code = failed;
-  }
-  _exit(code);
 }
 
 std::string read_all(int file) {
@@ -86,9 +59,30 @@ std::string read_all(int file) {
   }
 }
 
+/// Starts the program with these standard streams; no other descriptor of this process is open in it.
+pid_t start(const std::filesystem::path& program, const std::vector<std::string>& arguments, int input, int answer) {
+  std::vector<char*> argv{const_cast<char*>(program.c_str())};
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  // In this order: `input`, which was opened first, may be descriptor 3, and `answer` cannot be 0.
+  posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, answer, answer_file);
+  // What the library in the child prints is not a message of this program.
+  for (const int file : {STDOUT_FILENO, STDERR_FILENO})
+    posix_spawn_file_actions_addopen(&actions, file, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_addclosefrom_np(&actions, answer_file + 1);
+  pid_t child = -1;
+  const int why = posix_spawn(&child, program.c_str(), &actions, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (why != 0) fail("start " + program.string(), why);
+  return child;
+}
+
 std::string describe_exit(int status, const ChildLimits& limits) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
-  if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
+  if (WIFEXITED(status) && WEXITSTATUS(status) == child_out_of_memory) {
     return fmt::format("needed more than {} MiB of memory", limits.memory_bytes >> 20);
   }
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)) {
@@ -100,20 +94,27 @@ std::string describe_exit(int status, const ChildLimits& limits) {
 
 }  // namespace
 
-ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
+std::filesystem::path helper_program(const std::string& name) {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  return program.parent_path().parent_path() / "libexec" / "ringfence" / name;
+}
+
+ChildResult run_child(const std::filesystem::path& program, std::vector<std::string> arguments, std::string_view input,
+                      const ChildLimits& limits) {
+  arguments.push_back(std::to_string(limits.cpu_seconds));
+  arguments.push_back(std::to_string(limits.memory_bytes));
+  const Descriptor memory(memfd_create("input", MFD_CLOEXEC));
+  if (memory.get() < 0) fail("create a file in memory", errno);
+  write_input(memory.get(), input);
   int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) throw Error(fmt::format("cannot create a pipe: {}", std::strerror(errno)));
-  const pid_t child = fork();
-  if (child == 0) run_child(ends[1], work, limits);
-  const int why = errno;
-  close(ends[1]);
-  if (child < 0) {
-    close(ends[0]);
-    throw Error(fmt::format("cannot create a child process: {}", std::strerror(why)));
-  }
+  if (pipe2(ends, O_CLOEXEC) != 0) fail("create a pipe", errno);
+  const Descriptor answer(ends[0]);
+  Descriptor written(ends[1]);
+  const pid_t child = start(program, arguments, memory.get(), written.get());
+  written.close();
   ChildResult result;
-  result.output = read_all(ends[0]);
-  close(ends[0]);
+  result.output = read_all(answer.get());
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }

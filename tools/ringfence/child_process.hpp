@@ -1,28 +1,36 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
+#include <filesystem>
 #include <string>
+#include <string_view>
+#include <vector>
 
 namespace ringfence::tools {
 
 /// Resources that a child process may use. The kernel ends a child that exceeds them.
 struct ChildLimits {
   unsigned cpu_seconds = 20;
-  std::size_t memory_bytes = std::size_t{4} << 30;  ///< in addition to those of this process; no limit under sanitizers
+  std::size_t memory_bytes = std::size_t{4}
+                             << 30;  ///< beyond those of its program and input; no limit under sanitizers
 };
 
-/// Result of run_in_child.
+/// Result of run_child.
 struct ChildResult {
-  std::string output;  ///< what `work` returned
-  std::string error;   ///< empty if `work` returned, else how the child ended, for example "crashed (signal 11)"
+  std::string output;  ///< what the child answered
+  std::string error;   ///< empty if it answered, else how it ended, for example "crashed (signal 11)"
 };
 
-/// Runs `work` in a forked copy of this process and returns its result. It isolates library code that may crash, hang
-/// or exhaust memory on untrusted input. Other effects of `work` on memory do not reach this process.
+/// A program of this installation, in ../libexec/ringfence beside the folder of the running program. `ringfence` starts
+/// it, or loads it if it is a shared object: what it links is not in memory in other runs.
+std::filesystem::path helper_program(const std::string& name);
+
+/// Runs another program, which answers with answer_parent, and returns its answer. It isolates library code that may
+/// crash, hang or exhaust memory on untrusted input: that process has neither the memory nor the files of this one.
 ///
-/// The copy has only the calling thread, so `work` must not wait for other threads or lock a mutex that they may hold.
-/// Cost: about 1 ms. Throws Error if the system cannot create a process.
-ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits);
+/// Its arguments are `arguments`, and after them the limits. Its standard input is `input`, what it prints is
+/// discarded. Cost: about 5 ms. Throws Error if the program cannot be started.
+ChildResult run_child(const std::filesystem::path& program, std::vector<std::string> arguments, std::string_view input,
+                      const ChildLimits& limits);
 
 }  // namespace ringfence::tools

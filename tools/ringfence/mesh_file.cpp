@@ -7,15 +7,13 @@
 
 #include <fmt/format.h>
 
-#include "mesh_import.hpp"
+#include "mesh_answer.hpp"
+#include "mesh_format.hpp"
 #include "ringfence/error.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::tools {
 namespace {
-
-// First byte of the child's output.
-constexpr char mesh_tag = 'm', error_tag = 'r';
 
 template <class T>
 void put(std::string& to, T value) {
@@ -23,42 +21,6 @@ void put(std::string& to, T value) {
   char bytes[sizeof(T)];
   std::memcpy(bytes, &value, sizeof(T));
   to.append(bytes, sizeof(T));
-}
-
-template <class T>
-void put_all(std::string& to, const std::vector<T>& values) {
-  put(to, std::uint64_t{values.size()});
-  to.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
-}
-
-/// Reads what put_all wrote and removes it from `from`. False if `from` is too short.
-template <class T>
-bool take_all(std::string_view& from, std::vector<T>& values) {
-  std::uint64_t count = 0;
-  if (from.size() < sizeof count) return false;
-  std::memcpy(&count, from.data(), sizeof count);
-  from.remove_prefix(sizeof count);
-  if (count > from.size() / sizeof(T)) return false;
-  values.resize(count);
-  if (count != 0) std::memcpy(values.data(), from.data(), count * sizeof(T));
-  from.remove_prefix(count * sizeof(T));
-  return true;
-}
-
-/// Runs in the child: the mesh or an error message, as text.
-std::string import_to_text(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
-  try {
-    const TriangleMesh mesh = import_mesh(bytes, name, folder);
-    // Check before sending: a small file can make a large mesh.
-    const std::string error_text = describe_mesh_error(mesh);
-    if (!error_text.empty()) return error_tag + error_text;
-    std::string text(1, mesh_tag);
-    put_all(text, mesh.vertices);
-    put_all(text, mesh.indices);
-    return text;
-  } catch (const Error& error) {
-    return std::string(1, error_tag) + error.what();
-  }
 }
 
 }  // namespace
@@ -70,19 +32,13 @@ TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const s
     refuse(fmt::format("found extension \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
                        std::filesystem::path(name).extension().string()));
   }
-  const ChildResult result = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
+  const ChildResult result = run_child(helper_program("ringfence-mesh-reader"), {name, folder.string()}, bytes, limits);
   if (!result.error.empty()) refuse("its reader, assimp, " + result.error);
-  std::string_view output = result.output;
-  if (output.starts_with(error_tag)) refuse(output.substr(1));
-  // Invalid input may have corrupted the memory of the child, so its result is checked again.
-  TriangleMesh mesh;
-  if (!output.starts_with(mesh_tag)) refuse("its reader, assimp, returned nothing");
-  output.remove_prefix(1);
-  if (!take_all(output, mesh.vertices) || !take_all(output, mesh.indices) || !output.empty())
-    refuse("its reader, assimp, returned an incomplete mesh");
-  const std::string error_text = describe_mesh_error(mesh);
-  if (!error_text.empty()) refuse(error_text);
-  return mesh;
+  try {
+    return mesh_in(result.output);
+  } catch (const Error& error) {
+    throw Error(fmt::format("{}: {}", name, error.what()));
+  }
 }
 
 TriangleMesh read_mesh(const std::filesystem::path& file) {

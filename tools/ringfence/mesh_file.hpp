@@ -14,12 +14,12 @@ namespace ringfence::tools {
 /// triangulated; points and lines are dropped. Coordinates are metres. Triangles keep the order of the file, so that
 /// one file always gives one digest.
 ///
-/// The assimp library reads the file in a child process, so that a file on which it crashes, hangs or exhausts memory
-/// is refused like any other invalid file. Opens only the file itself and, for glTF, the buffers that it names in its
-/// folder or below.
+/// The assimp library reads the file in a process of another program, ringfence-mesh-reader, so that a file on which it
+/// crashes, hangs or exhausts memory is refused like any other invalid file. Opens only the file itself and, for glTF,
+/// the buffers that it names in its folder or below.
 ///
 /// Throws Error with the file name and the reason: unknown extension, no such file, more than 1 GiB, invalid content,
-/// no triangles, more than a million triangles, or vertices that are not finite.
+/// no triangles, more than a million triangles, vertices that are not finite, or no such program.
 TriangleMesh read_mesh(const std::filesystem::path& file);
 
 /// Reads a mesh from memory. The extension of `name` selects the format. glTF buffers are read from `folder`; if it is

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <charconv>
-#include <cmath>
 #include <cstring>
 #include <deque>
 #include <memory>
@@ -20,15 +18,17 @@
 #include <assimp/scene.h>
 #include <fmt/format.h>
 
+#include "mesh_format.hpp"
 #include "ringfence/error.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::tools {
 namespace {
 
+/// Which of assimp's importers reads the files of an extension.
 struct Format {
   const char* extension;
-  const char* importer;  ///< name of the importer in assimp
+  const char* importer;
 };
 constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
                              Format{".stl", "Stereolithography (STL) Importer"},
@@ -36,8 +36,6 @@ constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
                              Format{".gltf", "glTF2 Importer"},
                              Format{".glb", "glTF2 Importer"},
                              Format{".3ds", "Discreet 3DS Importer"}};
-
-constexpr std::size_t max_triangles = 1'000'000;
 
 /// Post-processing steps. None of them moves a vertex or reorders triangles.
 constexpr unsigned post_processing = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
@@ -175,15 +173,6 @@ void append(const aiMesh& part, TriangleMesh& mesh) {
 
 }  // namespace
 
-std::string mesh_extension(const std::filesystem::path& name) {
-  std::string extension = name.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto known =
-      std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return extension == f.extension; });
-  return known == formats.end() ? "" : extension;
-}
-
 TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
   const std::string extension = mesh_extension(name);
   const auto format =
@@ -213,24 +202,6 @@ TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const 
     for (Vec3f& v : mesh.vertices) v = {v.x, -v.z, v.y};
   }
   return mesh;
-}
-
-std::string describe_mesh_error(const TriangleMesh& mesh) {
-  if (mesh.indices.empty()) return "has no triangles";
-  if (mesh.indices.size() % 3 != 0) return "has a triangle without three vertices";
-  if (mesh.indices.size() / 3 > max_triangles) {
-    return fmt::format("has {} triangles; expected at most {}; split it into several shapes", mesh.indices.size() / 3,
-                       max_triangles);
-  }
-  for (const std::uint32_t index : mesh.indices) {
-    if (index >= mesh.vertices.size()) return fmt::format("refers to vertex {} of {}", index, mesh.vertices.size());
-  }
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    const Vec3f& v = mesh.vertices[i];
-    if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) continue;
-    return fmt::format("vertex {} is ({}, {}, {}); expected finite coordinates", i, v.x, v.y, v.z);
-  }
-  return "";
 }
 
 }  // namespace ringfence::tools

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -9,12 +8,6 @@
 
 namespace ringfence::tools {
 
-/// Maximum size of a mesh file, and of each buffer that it refers to.
-inline constexpr std::uintmax_t max_mesh_bytes = std::uintmax_t{1} << 30;
-
-/// The extension of a mesh file in lower case and with the dot, for example ".obj"; empty for an unsupported one.
-std::string mesh_extension(const std::filesystem::path& name);
-
 /// Reads a mesh from memory with assimp. Only the importer of the extension of `name` is enabled (glTF: version 2). It
 /// opens no file except the buffers of a glTF file, in `folder` or below and of at most 1 GiB; none if `folder` is
 /// empty.
@@ -22,9 +15,5 @@ std::string mesh_extension(const std::filesystem::path& name);
 /// assimp runs in this process and may crash or hang on invalid bytes; parse_mesh protects against that. Throws Error
 /// whose message does not contain the file name.
 TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder);
-
-/// Error message for a mesh that a world cannot use: no triangles or more than a million, a vertex index out of range,
-/// or a vertex that is not finite. Empty for a usable mesh.
-std::string describe_mesh_error(const TriangleMesh& mesh);
 
 }  // namespace ringfence::tools

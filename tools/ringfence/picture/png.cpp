@@ -132,7 +132,11 @@ cairo_status_t append(void* bytes, const unsigned char* more, unsigned length) {
 
 }  // namespace
 
-std::string to_png(const Drawing& drawing, PictureColors colors) {
+}  // namespace ringfence::tools
+
+using namespace ringfence::tools;
+
+void ringfence_to_png(const Drawing& drawing, PictureColors colors, std::string& bytes) {
   const auto pixels = [](double length) { return static_cast<int>(std::ceil(length * pixels_per_pixel)); };
   const Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24, pixels(drawing.width), pixels(drawing.height)));
   require(cairo_surface_status(surface.get()));
@@ -142,9 +146,5 @@ std::string to_png(const Drawing& drawing, PictureColors colors) {
   painter.paint_page();
   for (const Layer& layer : drawing.layers) painter.paint(layer);
   require(cairo_status(context.get()));
-  std::string bytes;
   require(cairo_surface_write_to_png_stream(surface.get(), append, &bytes));
-  return bytes;
 }
-
-}  // namespace ringfence::tools

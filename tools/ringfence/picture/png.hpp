@@ -5,10 +5,10 @@
 #include "picture/drawing.hpp"
 #include "picture/palette.hpp"
 
-namespace ringfence::tools {
-
-/// The bytes of a PNG file with two pixels for each pixel of the drawing. Drawn by cairo; PictureColors::automatic is
-/// light. Throws IncompleteError if cairo fails, for example because the memory does not suffice.
-std::string to_png(const Drawing& drawing, PictureColors colors);
-
-}  // namespace ringfence::tools
+/// Appends to `bytes` a PNG file with two pixels for each pixel of the drawing. Drawn by cairo;
+/// PictureColors::automatic is light. Throws IncompleteError if cairo fails, for example because the memory does not
+/// suffice.
+///
+/// In a shared object, libexec/ringfence/png.so, which is loaded when the first such picture is written.
+extern "C" void ringfence_to_png(const ringfence::tools::Drawing& drawing, ringfence::tools::PictureColors colors,
+                                 std::string& bytes);
