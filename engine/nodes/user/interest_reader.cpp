@@ -12,7 +12,7 @@ void InterestReader::begin(std::uint64_t frame, const HostPublication* own) {
   frame_ = frame;
   own_ = own;
   const std::size_t parity = frame & 1;
-  seen_[parity].clear();
+  start_list();
   sources_.clear();
   for (const Published* published : publications_.relays[parity]) {
     const queries::BoxTree* const tree = published->publication->tree(frame);
@@ -20,6 +20,16 @@ void InterestReader::begin(std::uint64_t frame, const HostPublication* own) {
     const bool is_own = own != nullptr && published == &own->published;
     sources_.push_back({published->bounds[parity], tree, published->publication->states(frame), is_own});
   }
+}
+
+// The number of spans depends on the order of the states, which may change though the world is steady: so there is room
+// for twice as many as before. The other list is not touched, because the caller may be reading it.
+void InterestReader::start_list() {
+  const std::size_t largest = std::max(seen_[0].size(), seen_[1].size());
+  if (3 * largest > 2 * seen_room_) seen_room_ = 2 * largest;
+  SeenList& seen = seen_[frame_ & 1];
+  seen.clear();
+  seen.reserve(seen_room_);
 }
 
 SeenPart InterestReader::read(const Host& host, const OwnStates& own) {

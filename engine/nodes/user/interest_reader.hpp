@@ -68,6 +68,7 @@ class InterestReader {
     bool is_own;
   };
 
+  void start_list();
   void list_boxes(const Host& host);
   void list_own_places(const OwnStates& own);
   void read_one_box(const Source& source);
@@ -84,6 +85,7 @@ class InterestReader {
   const HostPublication* own_ = nullptr;
   std::vector<Source> sources_;  ///< of this frame
   SeenList seen_[2];             ///< by parity of the frame
+  std::size_t seen_room_ = 0;    ///< for spans, of each of them when it is started
   std::vector<PlaceBox> boxes_;  ///< around the avatars
   queries::TouchedBoxes touched_;
   std::vector<std::uint64_t> marked_;  ///< of several boxes: one bit for each box of the tree that one of them touches
