@@ -22,7 +22,9 @@ class FlatList {
   /// The same for a list that is usually much shorter: only what is used occupies memory.
   void reserve_rarely_used(std::size_t count) { buffer_.grow(count, size_, Pages::small); }
   /// After resize() of such a list, which may be long: requests huge pages as far as the elements fill them.
-  void request_huge_pages() noexcept { buffer_.request_huge_pages(size_); }
+  void request_huge_pages() noexcept { request_huge_pages(size_); }
+  /// The same as far as the first `count` elements will fill them.
+  void request_huge_pages(std::size_t count) noexcept { buffer_.request_huge_pages(count); }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
   void clear() noexcept { size_ = 0; }

@@ -87,6 +87,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;
   setup.deepest_contacts = config.deepest_contacts;
+  setup.contact_frames = threaded() ? 2 : 1;
   setup.interest = config.interest;
   setup.sense = config.sense;
   setup.balance = config.balance;

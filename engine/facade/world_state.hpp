@@ -50,7 +50,7 @@ struct WorldState {
   std::size_t published_frames() const noexcept { return threaded() ? 2 : 1; }
   /// Size of a ring whose role uses `by_role` bytes by default. Without threads a large ring saves no wake-ups.
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
-    constexpr std::size_t most_in_one_thread = std::size_t{1} << 18;
+    constexpr std::size_t most_in_one_thread = std::size_t{1} << 14;
     const std::size_t by_default = threaded() ? by_role : std::min(by_role, most_in_one_thread);
     return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_default;
   }

@@ -115,7 +115,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(table.find(messages::ObjectRef{model.slot + 1, model.generation, number, 0}) ==
                 base::NumberIndex::none);
         REQUIRE(table.alive(model.slot));
-        REQUIRE(table.origin(model.slot).user_data == model.spec.user_data);
+        REQUIRE(std::uint64_t{table.origin(model.slot).user_data} == model.spec.user_data);
         REQUIRE(table.numbers()[model.slot] == number);
         REQUIRE((table.layers()[model.slot] & broad_phase::layer_number) == model.spec.layer);
         const bool fixed = model.spec.category == Category::fixed;

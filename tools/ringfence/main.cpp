@@ -3,6 +3,9 @@
 #include <utility>
 
 #include <fmt/format.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "convert.hpp"
 #include "exit_code.hpp"
@@ -86,6 +89,10 @@ int run_guarded(int argc, char** argv) {
 }  // namespace ringfence::tools
 
 int main(int argc, char** argv) {
+#ifdef __GLIBC__
+  // By default arrays come from the heap once a larger one was freed, and memory that start-up has used stays resident.
+  (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
+#endif
   try {
     return ringfence::tools::run_guarded(argc, argv);
   } catch (const std::bad_alloc&) {

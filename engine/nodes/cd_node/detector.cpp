@@ -23,7 +23,8 @@ Detector::Detector(NodeState& state)
   pairs_.reserve(pairs_per_test);
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(state.setup.objects);
-  touches_.reserve(state.setup.objects);
+  touches_.reserve_rarely_used(state.setup.objects);
+  touches_.request_huge_pages(state.setup.objects / 2);  // usually there are not more contacts
   order_.reserve(state.setup.objects);
   narrow_.remember_axes(state.setup.remember_axes);
 }

@@ -19,10 +19,11 @@ struct alignas(64) ObjectRow {
 };
 static_assert(sizeof(ObjectRow) == 64);
 
-/// Data of an object that is read only when its host changes or on request.
-struct ObjectOrigin {
+/// Data of an object that is read only when its host changes or on request. Without padding.
+struct alignas(4) [[gnu::packed]] ObjectOrigin {
   std::uint64_t user_data = 0;
   UserNumber user = no_user_number;  ///< owner of an avatar
 };
+static_assert(sizeof(ObjectOrigin) == 12);
 
 }  // namespace ringfence::nodes

@@ -20,6 +20,27 @@ std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key) noexce
   return static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
 }
 
+}  // namespace
+
+std::uint64_t OutputMerge::key_at(std::size_t share) const noexcept {
+  if (share == 0 || share == shares) {
+    return share == 0 ? 0 : ~std::uint64_t{0};
+  }
+  std::span<const std::uint64_t> all = keys_before;
+  if (all.empty()) {
+    for (const NodeContacts* one : node_contacts) {
+      all = one->keys.size() > all.size() ? one->keys.span() : all;
+    }
+  }
+  return all.empty() ? 0 : all[share * all.size() / shares];
+}
+
+void OutputMergeScratch::reserve(std::size_t contacts) {
+  order.reserve(contacts);
+  ended_order.reserve_rarely_used(contacts);
+  ended.reserve_rarely_used(contacts);
+}
+
 void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
   const std::uint64_t first_key = output_merge.key_at(share);
   const std::uint64_t end_key = output_merge.key_at(share + 1);
@@ -60,28 +81,7 @@ void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMerge
   }
 }
 
-}  // namespace
-
-std::uint64_t OutputMerge::key_at(std::size_t share) const noexcept {
-  if (share == 0 || share == shares) {
-    return share == 0 ? 0 : ~std::uint64_t{0};
-  }
-  std::span<const std::uint64_t> all = keys_before;
-  if (all.empty()) {
-    for (const NodeContacts* one : node_contacts) {
-      all = one->keys.size() > all.size() ? one->keys.span() : all;
-    }
-  }
-  return all.empty() ? 0 : all[share * all.size() / shares];
-}
-
-void OutputMergeScratch::reserve(std::size_t contacts) {
-  order.reserve(contacts);
-  ended_order.reserve_rarely_used(contacts);
-  ended.reserve_rarely_used(contacts);
-}
-
-std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+std::uint64_t write_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
   std::uint64_t duplicates = 0;
   std::uint64_t last = 0;
   std::size_t at = 0;
@@ -101,7 +101,6 @@ std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, Ou
   if (output_merge.node_contacts.size() == 1) {  // already in order, and in one slice
     output_merge.node_contacts.front()->visit(
         [&](std::uint64_t key, std::uint32_t position, Phase phase) { write(key, 0, position, phase); });
-    write_ended(output_merge, share, scratch);
     return duplicates;
   }
   NodeContactOrder& order = scratch.order;
@@ -120,8 +119,12 @@ std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, Ou
   }
   order.sort();
   order.visit(write);
-  write_ended(output_merge, share, scratch);
   return duplicates;
+}
+
+std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+  write_ended(output_merge, share, scratch);
+  return write_listed(output_merge, share, scratch);
 }
 
 }  // namespace ringfence::nodes

@@ -20,6 +20,7 @@ namespace ringfence::nodes {
 struct OutputMerge {
   std::span<NodeContacts* const> node_contacts;  ///< by node number
   std::size_t shares = 1;                        ///< number of slices
+  bool is_late = false;                          ///< no node writes a slice: the server writes the lists at the end
   std::size_t size = 0;                          ///< number of contacts that all nodes found together
   Contact* contacts = nullptr;                   ///< parallel to keys and found
   std::uint64_t* keys = nullptr;
@@ -45,6 +46,11 @@ struct OutputMergeScratch {
 
   void reserve(std::size_t contacts);
 };
+
+/// The two parts of write_slice(): first the ended contacts, then all others, which may replace the lists of the frame
+/// before if there is one slice. Without several nodes, write_listed() does not allocate.
+void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
+std::uint64_t write_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
 
 /// Writes one slice: contacts with their phases, and ended contacts as they last were. Returns the number of contacts
 /// whose pair was already written: 0 unless a bug made two nodes own one pair. Duplicates are written too, so that

@@ -63,6 +63,7 @@ struct ServerSetup {
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   std::uint32_t deepest_contacts = 0;  ///< WorldConfig::deepest_contacts
+  std::size_t contact_frames = 2;      ///< how many frames the ContactLedger keeps
   double interest = 0;
   double sense = 0;  ///< WorldConfig::sense, metres
   /// With more CD nodes, the nodes publish the states of what they host instead of the server.

@@ -11,7 +11,7 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
       map(first_map),
       objects(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
       host(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
-      ledger(setup.nodes.size(), setup.capacities.contacts, setup.deepest_contacts),
+      ledger(setup.nodes.size(), setup.capacities.contacts, setup.deepest_contacts, setup.contact_frames),
       nodes(setup.nodes.size()) {
   host.sense(setup.sense);
   for (NodeNumber node = 0; node < nodes.size(); ++node) {

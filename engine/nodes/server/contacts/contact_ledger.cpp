@@ -26,23 +26,25 @@ bool has_avatar(const ContactObjects& objects, std::uint32_t a, std::uint32_t b)
 
 }  // namespace
 
-ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts)
-    : runs_(nodes), deepest_contacts_(deepest_contacts) {
+ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts,
+                             std::size_t frames)
+    : runs_(nodes), deepest_contacts_(deepest_contacts), keeps_two_(frames == 2) {
   order_.reserve_rarely_used(contacts);
   ending_order_.reserve_rarely_used(contacts);
   scratch_.reserve(contacts);
   notices_.reserve_rarely_used(contacts);
   node_contacts_.reserve(nodes);
   endings_.reserve(nodes);
-  for (Edition& edition : editions_) {
-    edition.live.reserve(contacts);
-    edition.ended.reserve(contacts);
+  for (std::size_t i = 0; i < frames; ++i) {
+    live_[i].reserve(contacts);
   }
+  ended_[0].reserve(contacts);
+  ended_[1].reserve(contacts);
 }
 
 void ContactLedger::restore(std::uint64_t frame, std::span<Contact> contacts, const ObjectTable& objects) {
   frame_ = frame;
-  List& list = editions_[(frame - 1) & 1].live;
+  List& list = live_[parity(frame - 1)];
   list.resize(contacts.size());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     Contact& contact = contacts[i];
@@ -63,7 +65,8 @@ void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
   if (std::exchange(written_again_, false) && !abandoned_.empty()) {
-    abandoned_.back().before = std::exchange(editions_[frame & 1], {});
+    abandoned_.back().before = std::exchange(now(), {});
+    abandoned_.back().ended_before = std::exchange(ended(), {});
   }
   for (Run& run : runs_) {
     run.shared = nullptr;
@@ -72,7 +75,9 @@ void ContactLedger::begin(std::uint64_t frame) {
     run.touches.clear();
     run.ended_at.clear();
   }
-  now().resize(0);
+  if (keeps_two_) {
+    now().resize(0);
+  }
   ended().resize(0);
 }
 
@@ -240,6 +245,9 @@ void ContactLedger::match_borders() {
   for (Run& run : runs_) {
     run.corrections.clear();
   }
+  if (ending_order_.size() == 0) {
+    return;  // in the first frame all contacts begin at a border, and the memory to sort them would stay
+  }
   order_.sort();
   ending_order_.sort();
   std::size_t next = 0;
@@ -266,16 +274,17 @@ void ContactLedger::match_borders() {
 void ContactLedger::share_out() {
   const auto shares = static_cast<std::size_t>(
       std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
+  now().grow(size_);
   *output_merge_ = {.node_contacts = node_contacts_,
-                    .shares = std::max<std::size_t>(shares, 1),
+                    .shares = keeps_two_ ? std::max<std::size_t>(shares, 1) : 1,
+                    .is_late = !keeps_two_,
                     .endings = endings_,
                     .passed = passed_.span(),
                     .keys_before = before().keys.span(),
                     .contacts_before = before().contacts.data()};
   start_output();
-  if (shares == 0) {
+  if (shares == 0 && keeps_two_) {
     duplicates_ = write_slice(*output_merge_, 0, scratch_);
-    return;
   }
   std::uint32_t share = 0;
   for (const Run& run : runs_) {
@@ -293,8 +302,10 @@ void ContactLedger::share_out() {
 void ContactLedger::start_output() {
   List& list = now();
   List& gone = ended();
-  list.resize(size_);
-  list.request_huge_pages();
+  if (keeps_two_) {
+    list.resize(size_);
+    list.request_huge_pages();
+  }
   gone.resize(ends_);
   output_merge_->size = size_;
   output_merge_->contacts = list.contacts.data();
@@ -307,7 +318,7 @@ void ContactLedger::start_output() {
 
 void ContactLedger::lose(NodeNumber node) {
   NodeContacts* const shared = runs_[node].shared;
-  if (shared != nullptr && shared->gate.bar()) {
+  if (shared != nullptr && shared->gate.bar() && keeps_two_) {
     duplicates_ += write_slice(*output_merge_, shared->share, scratch_);
   }
 }
@@ -322,7 +333,8 @@ void ContactLedger::write_again() {
   old.endings = std::exchange(endings_, {});
   old.absent = std::exchange(absent_, {});
   old.passed = std::exchange(passed_, {});
-  old.now = std::exchange(editions_[frame_ & 1], {});
+  old.now = std::exchange(now(), {});
+  old.ended_now = std::exchange(ended(), {});
   start_output();
   for (std::size_t share = 0; share < output_merge_->shares; ++share) {
     duplicates_ += write_slice(*output_merge_, share, scratch_);
@@ -340,10 +352,22 @@ bool ContactLedger::complete() {
       duplicates_ += run.shared != nullptr ? run.shared->duplicates : 0;
     }
   }
+  if (!keeps_two_) {
+    write_over();
+  }
   if (duplicates_ != 0) [[unlikely]] {
     drop_duplicates();
   }
   return true;
+}
+
+// The ended contacts are copied from the list that is then overwritten. Nothing is allocated after that.
+void ContactLedger::write_over() {
+  write_ended(*output_merge_, 0, scratch_);
+  List& list = now();
+  list.resize(size_);
+  list.request_huge_pages();
+  duplicates_ = write_listed(*output_merge_, 0, scratch_);
 }
 
 void ContactLedger::drop_duplicates() {

@@ -58,15 +58,16 @@ struct UnlistedContact {
 /// are removed before anything else (DeepestContacts), as if no node had found them.
 ///
 /// Output. The nodes that share memory write the lists, a slice each; without such a node the ledger writes them. Two
-/// frames are kept, by parity: the last one stays readable while the next is made.
+/// frames are kept, by parity: the last one stays readable while the next is made. Where one thread steps all roles,
+/// one frame is enough: as the last step of frame k that may fail, complete() writes C(k) over C(k-1).
 ///
 /// Threads: belongs to the server role; the facade may call const functions for the last frame. Memory: grows to the
 /// largest frame.
 class ContactLedger {
  public:
   /// Reserves memory for `contacts` contacts a frame. More may be added, at the cost of an allocation.
-  /// `deepest_contacts`: as in WorldConfig.
-  ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts = 0);
+  /// `deepest_contacts`: as in WorldConfig. `frames`: how many are kept, 1 or 2.
+  ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts = 0, std::size_t frames = 2);
 
   /// Before the first frame, `frame`, of a world that is restored: `contacts` are those of the frame before, between
   /// live objects of the table, in order of (a, b). Completes what they state of the objects. In this frame they end at
@@ -76,7 +77,7 @@ class ContactLedger {
   void resize(std::size_t nodes);
   /// A node takes the slot and takes part from that frame on: what another node found in this slot is not its own.
   void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
-  /// Clears C(frame) and everything received.
+  /// Clears everything received, and C(frame) if two frames are kept.
   void begin(std::uint64_t frame);
   /// Adds a contact that `node` sent in a message, between the objects of its two slots in `objects`, whose rows and
   /// origins must not change before the next begin(): later calls read the poses there. A node sends its contacts in
@@ -100,15 +101,17 @@ class ContactLedger {
   /// nodes found one pair, which only a bug can cause, its phase may be wrong in this frame and in the next.
   void resolve_phases();
   /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists, and
-  /// the gates for their hand-overs. If no node shares contacts, this call writes them.
+  /// the gates for their hand-overs. If no node shares contacts, this call writes them. If one frame is kept, nothing
+  /// is written before complete().
   void share_out();
   /// After share_out(), when a node is lost: writes its slice, unless the node has already started to write it.
   void lose(NodeNumber node);
   /// Call it when every node that is not lost is done, until it returns true: then C(frame) is complete. Returns false
-  /// while a lost node is still writing.
+  /// while a lost node is still writing. May throw std::bad_alloc; then the lists of the frame before can be read.
   bool complete();
   /// After share_out(), when all nodes are lost and the thread of one of them has stopped while it was writing: writes
-  /// C(frame) again into other memory. The memory that such a thread may still access is kept until free_abandoned().
+  /// C(frame) again into other memory. Precondition: two frames are kept. The memory that such a thread may still
+  /// access is kept until free_abandoned().
   void write_again();
   /// Precondition: the threads of all lost nodes have ended, and no frame is running.
   void free_abandoned() noexcept { abandoned_.clear(); }
@@ -131,20 +134,14 @@ class ContactLedger {
 
   /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
   /// found(). For the current frame only after complete().
-  std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].live.contacts.span();
-  }
-  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].live.keys.span();
-  }
-  std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return live_[parity(frame)].contacts.span(); }
+  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept { return live_[parity(frame)].keys.span(); }
+  std::span<const Found> found(std::uint64_t frame) const noexcept { return live_[parity(frame)].found.span(); }
   /// Contacts that ended in the current frame or in the one before, in order of (a, b); parallel to ended_keys(). For
   /// the current frame only after complete().
-  std::span<const Contact> ended(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].ended.contacts.span();
-  }
+  std::span<const Contact> ended(std::uint64_t frame) const noexcept { return ended_[frame & 1].contacts.span(); }
   std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].ended.keys.span();
+    return ended_[frame & 1].keys.span();
   }
   /// After resolve_phases(): number of listed contacts, duplicates included.
   std::size_t size() const noexcept { return size_; }
@@ -162,14 +159,12 @@ class ContactLedger {
     void reserve(std::size_t size) {
       contacts.reserve_rarely_used(size), keys.reserve_rarely_used(size), found.reserve_rarely_used(size);
     }
+    /// Makes room for `size` entries; those that are there stay.
+    void grow(std::size_t size) { contacts.reserve(size), keys.reserve(size), found.reserve(size); }
     void resize(std::size_t size) { contacts.resize(size), keys.resize(size), found.resize(size); }
     void request_huge_pages() noexcept {
       contacts.request_huge_pages(), keys.request_huge_pages(), found.request_huge_pages();
     }
-  };
-  struct Edition {
-    List live;
-    List ended;
   };
   /// Contacts of one node, in order of (a, b).
   struct Run {
@@ -193,12 +188,13 @@ class ContactLedger {
     std::vector<std::span<const std::uint64_t>> endings;
     base::FlatList<std::uint64_t> absent, passed;
     std::vector<Run> runs;
-    Edition now, before;
+    List now, ended_now, before, ended_before;
   };
 
-  List& now() noexcept { return editions_[frame_ & 1].live; }
-  List& ended() noexcept { return editions_[frame_ & 1].ended; }
-  const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
+  std::size_t parity(std::uint64_t frame) const noexcept { return keeps_two_ ? frame & 1 : 0; }
+  List& now() noexcept { return live_[parity(frame_)]; }
+  List& ended() noexcept { return ended_[frame_ & 1]; }
+  const List& before() const noexcept { return live_[parity(frame_ - 1)]; }
   void gather_node_contacts();
   void unlist();
   void list_endings();
@@ -208,6 +204,7 @@ class ContactLedger {
   void add_notice(std::uint64_t key, NodeNumber node, const FoundContact& found, std::uint32_t position);
   void list_user_notices();
   void list_ended_notice(std::uint64_t key, std::size_t& old);
+  void write_over();
   void drop_duplicates();
 
   std::vector<Run> runs_;                     ///< by node
@@ -231,7 +228,9 @@ class ContactLedger {
   std::size_t ends_ = 0;
   std::uint64_t began_ = 0;
   std::uint64_t duplicates_ = 0;
-  Edition editions_[2];
+  List live_[2];  ///< by parity of the frame; only the first if one frame is kept
+  List ended_[2];
+  bool keeps_two_;
   std::uint64_t frame_ = 0;
 };
 
