@@ -66,7 +66,7 @@ void MedianSplits::sort(std::span<const RowBounds> bounds, std::vector<std::uint
 }
 
 void MedianSplits::sort(std::span<const SeenState> states, std::span<std::uint32_t> numbers) {
-  constexpr std::size_t most_points = 16'384, many_leaves = 1024;
+  constexpr std::size_t most_points = 4096, many_leaves = 1024;
   const auto place_of = [&](std::size_t i) -> const Vec3d& { return states[numbers[i]].pose.position; };
   if (numbers.size() <= most_points) return sort_by(place_of, numbers);
   // To divide the numbers in place takes longer, but no memory.
@@ -94,7 +94,9 @@ void MedianSplits::sort_by(const PlaceOf& place_of, std::span<std::uint32_t> row
   points_.resize(rows.size());
   moved_.resize(rows.size());
   middle_.resize(rows.size() + 1);
-  const Vec3d origin = place_of(0);
+  // Not that of one object, which may be far from all others: places are precise near the origin.
+  const std::size_t quarter = rows.size() / 4;
+  const Vec3d origin = median(place_of(quarter), place_of(2 * quarter), place_of(3 * quarter));
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Vec3d at = place_of(i) - origin;
     points_[i] = {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -10,6 +11,14 @@
 #include "ringfence/seen_state.hpp"
 
 namespace ringfence::queries {
+
+/// The median of three places along each axis: one that is far from the others does not count.
+inline Vec3d median(const Vec3d& p, const Vec3d& q, const Vec3d& r) noexcept {
+  const auto middle = [](double a, double b, double c) {
+    return std::max(std::min(a, b), std::min(std::max(a, b), c));
+  };
+  return {middle(p.x, q.x, r.x), middle(p.y, q.y, r.y), middle(p.z, q.z, r.z)};
+}
 
 /// Finds an order of rows in which neighbours in space are near each other, for a BoxTree: the objects are divided at
 /// the median along the longest side of the box around their positions, and each half again, down to the leaves of the

@@ -7,9 +7,11 @@
 #define RINGFENCE_QUERIES_TOUCHING_INL
 #endif
 
+#include <algorithm>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include <hwy/highway.h>
@@ -25,9 +27,11 @@ class TouchTest {
  public:
   HWY_INLINE explicit TouchTest(const TreeBox& box) {
     const Lanes d;
+    // Finite sides, because those of unused lanes are infinite.
+    constexpr float most = std::numeric_limits<float>::max();
     for (std::size_t a = 0; a < 3; ++a) {
-      lower_[a] = hn::Set(d, box.lower[a]);
-      upper_[a] = hn::Set(d, box.upper[a]);
+      lower_[a] = hn::Set(d, std::max(box.lower[a], -most));
+      upper_[a] = hn::Set(d, std::min(box.upper[a], most));
     }
   }
 

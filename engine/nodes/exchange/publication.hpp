@@ -35,10 +35,9 @@ struct PlaceBox {
 /// last one is enough.
 ///
 /// The frame protocol guarantees that all readers of frame k have finished before the writer begins frame k + 2, or
-/// k + 1 if one frame is kept. (In lock-step they finish before the server lets frame k + 1 end.) A violation is
+/// k + 1 if one frame is kept. (In lock-step they finish before the server lets frame k + 1 end.) A violation can be
 /// detected: a buffer carries its frame's stamp only while it is complete, the readers' functions return nothing
-/// without the stamp, and a reader that has finished calls `is_intact`. If that returns false, what it read may be
-/// inconsistent and must be discarded.
+/// without the stamp, and `is_intact` says whether what was read was consistent. The tests of the protocol do so.
 ///
 /// The states are those of entries of a table, by number. Their order is kept from frame to frame, so publishing writes
 /// each state once, in that order, and the boxes. Any order is correct; a good one has small boxes, so that a reader
@@ -49,8 +48,7 @@ struct PlaceBox {
 /// not disturb each other.
 ///
 /// Threads: one writer thread calls begin, list and publish; any thread may call const functions. Memory: 50 bytes a
-/// state and kept frame, and 8 more a state; some of the thread that writes, 4 bytes a state of the largest publication
-/// and 1 MB. Grows and never shrinks.
+/// state and kept frame, and 12 more a state; 1 MB of the thread that writes. Grows and never shrinks.
 class Publication {
  public:
   static constexpr std::size_t leaf_size = 16;  ///< states in a box of the tree
@@ -190,7 +188,8 @@ class Publication {
   std::size_t sorted_ = 0, tail_sorted_ = 0;
   double sorted_cost_ = 0;  ///< as set_boxes(), by state, when all were sorted
   std::uint64_t sorted_frame_ = 0;
-  std::vector<std::uint32_t> new_, absent_;
+  std::vector<std::uint32_t> new_;  ///< entries; then the order of what is sorted
+  std::vector<std::uint32_t> absent_;
 };
 
 }  // namespace ringfence::nodes

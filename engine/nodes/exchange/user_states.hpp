@@ -9,7 +9,8 @@
 namespace ringfence::nodes {
 
 /// The states that the user nodes of a thread publish, one user node after another: the table of which a Publication
-/// has the entries. An object has the same number in each frame, unless user nodes or objects come or go.
+/// has the entries. An object has the same number in each frame, unless user nodes or objects before it come or go;
+/// then it counts as new there, which costs up to 75 ns.
 ///
 /// Threads: belongs to the thread that steps the user nodes. Memory: 52 bytes a state, kept.
 class UserStates {
