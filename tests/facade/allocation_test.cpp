@@ -239,9 +239,9 @@ Status run_frames(
     return true;
   };
   if (!advances()) return status;
-  if (world.config().nodes > 0 && !is_ok(world.resize(2))) return status;
+  if (!is_ok(world.resize(2))) return status;
   if (!is_ok(world.disconnect(UserId(1))) || !advances()) return status;
-  if (world.config().nodes > 0 && !is_ok(world.resize(1))) return status;
+  if (!is_ok(world.resize(1))) return status;
   for (int frame = 0; frame < 2; ++frame) {
     if (!advances()) return status;
   }
@@ -276,9 +276,11 @@ TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and t
         config.motion = std::make_shared<BouncingModel>(6);
         CAPTURE(describe(config));
         CAPTURE(keep_failing);
+        // Without threads one frame of contacts is kept, and few allocations can damage it.
+        const bool exhaustive = nodes == 0 && !keep_failing;
         std::int64_t failing = 0;
         std::size_t failed = 0;
-        for (bool complete = false; !complete; failing += 1 + failing / 10) {
+        for (bool complete = false; !complete; failing += exhaustive ? 1 : 1 + failing / 10) {
           CAPTURE(failing);
           World world(config);
           world.add_shape(Sphere{0.7f});

@@ -7,6 +7,9 @@
 #include <string_view>
 #include <vector>
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include "child_answer.hpp"
 
 namespace {
@@ -18,6 +21,28 @@ std::string reversed(std::string_view input) { return {input.rbegin(), input.ren
   while (on) {
   }
   std::abort();
+}
+
+[[noreturn]] void wait_for_ever() {
+  for (;;) pause();
+}
+
+std::string hard_limits() {
+  std::string text;
+  for (const auto which : {RLIMIT_CORE, RLIMIT_CPU}) {
+    rlimit limits{};
+    getrlimit(which, &limits);
+    text += std::to_string(limits.rlim_max) + " ";
+  }
+  rlimit memory{};
+  getrlimit(RLIMIT_AS, &memory);
+  return text + (memory.rlim_max == RLIM_INFINITY ? "unlimited" : "limited");
+}
+
+std::string environment() {
+  std::string text;
+  for (char** variable = environ; *variable != nullptr; ++variable) text += std::string(*variable) + "\n";
+  return text;
 }
 
 std::string use_much_memory() {
@@ -34,6 +59,9 @@ int main(int argc, char** argv) {
     if (how == "crash") std::abort();
     if (how == "hang") hang();
     if (how == "throw") throw std::runtime_error("no");
+    if (how == "wait") wait_for_ever();
+    if (how == "limits") return hard_limits();
+    if (how == "environment") return environment();
     return how == "memory" ? use_much_memory() : reversed(input);
   });
 }

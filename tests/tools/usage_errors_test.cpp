@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <filesystem>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -177,6 +178,28 @@ TEST_CASE("an invalid file ends the program with 2 and a message with line and f
   check_refused(files, scene + ":2:64: arrays and objects are nested more than 64 deep; expected at most 64 levels");
   check_refused("replay --scene /nowhere.json --motion " + motion, "/nowhere.json: cannot be opened");
   check_refused("replay --motion " + motion, "--scene is required");
+}
+
+TEST_CASE("a program that is installed without libexec says before any frame what it cannot read or draw") {
+  const test::TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "bin");
+  std::filesystem::copy_file(RINGFENCE_PROGRAM, folder / "bin/ringfence");
+  worlds::write_text(folder / "rock.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  worlds::write_text(folder / "scene.json", R"({"format": "ringfence-scene", "version": 1,
+    "bounds": {"min": [-5, -5, -5], "max": [5, 5, 5]}, "shapes": {"rock": {"type": "mesh", "file": "rock.obj"}},
+    "objects": [{"id": 1, "shape": "rock", "category": "active", "position": [0, 0, 0]}]})");
+  worlds::write_text(folder / "motion.csv", "frame,object,x,y,z,qx,qy,qz,qw\n0,1,2,0,0,0,0,0,1\n");
+  const std::string program = folder / "bin/ringfence";
+  const auto mesh = test::run_shell(program + " replay --scene " + (folder / "scene.json") + " --motion " +
+                                    (folder / "motion.csv") + " 2>&1");
+  CHECK(mesh.code == 2);
+  CHECK_MESSAGE(mesh.out.find("rock.obj: cannot start ") != std::string::npos, mesh.out);
+  const auto picture =
+      test::run_shell(program + " run --objects 20 --users 2 --frames 1 --picture " + (folder / "p.png") + " 2>&1");
+  CHECK(picture.code == 2);
+  CHECK_MESSAGE(picture.out.find("--picture: cannot draw PNG: ") != std::string::npos, picture.out);
+  CHECK(test::digest_in(picture.out).empty());
+  CHECK_FALSE(std::filesystem::exists(folder / "p.png"));
 }
 
 TEST_CASE("an output file that cannot be opened ends the program with 2 before any frame") {

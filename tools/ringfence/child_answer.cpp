@@ -1,10 +1,12 @@
 #include "child_answer.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <exception>
 #include <fstream>
 #include <new>
+#include <stdexcept>
 
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -22,12 +24,14 @@ constexpr bool sanitized = __has_feature(address_sanitizer) || __has_feature(thr
 constexpr bool sanitized = false;
 #endif
 
-void set_limit(int resource, rlim_t value) {
-  rlimit now{};
-  getrlimit(static_cast<__rlimit_resource_t>(resource), &now);
-  if (now.rlim_max != RLIM_INFINITY && value > now.rlim_max) value = now.rlim_max;
-  now.rlim_cur = value;
-  setrlimit(static_cast<__rlimit_resource_t>(resource), &now);
+/// Sets both limits, so that this process cannot raise them again.
+void set_limits(int resource, rlim_t soft, rlim_t hard) {
+  const auto which = static_cast<__rlimit_resource_t>(resource);
+  rlimit limits{};
+  if (getrlimit(which, &limits) != 0) throw std::runtime_error("getrlimit failed");
+  limits.rlim_max = std::min(hard, limits.rlim_max);
+  limits.rlim_cur = std::min(soft, limits.rlim_max);
+  if (setrlimit(which, &limits) != 0) throw std::runtime_error("setrlimit failed");
 }
 
 std::size_t address_space() {
@@ -67,9 +71,11 @@ void answer_parent(
   try {
     if (argc < 3) _exit(child_failed);
     const std::string_view input = map_input();
-    set_limit(RLIMIT_CORE, 0);
-    set_limit(RLIMIT_CPU, std::stoul(argv[argc - 2]));
-    if (!sanitized) set_limit(RLIMIT_AS, address_space() + std::stoul(argv[argc - 1]));
+    set_limits(RLIMIT_CORE, 0, 0);
+    const rlim_t seconds = std::stoul(argv[argc - 2]);
+    set_limits(RLIMIT_CPU, seconds, seconds + 1);  // SIGXCPU, which may be ignored, then SIGKILL
+    const rlim_t memory = address_space() + std::stoul(argv[argc - 1]);
+    if (!sanitized) set_limits(RLIMIT_AS, memory, memory);
     const std::span<const char* const> arguments(argv + 1, static_cast<std::size_t>(argc - 3));
     if (!write_all(answer_file, work(arguments, input))) code = child_failed;
   } catch (const std::bad_alloc&) {

@@ -10,6 +10,7 @@
 #include "exit_code.hpp"
 #include "frame_checker.hpp"
 #include "frame_outputs.hpp"
+#include "heap_limits.hpp"
 #include "journal_run.hpp"
 #include "mesh_file.hpp"
 #include "motion_setup.hpp"
@@ -213,6 +214,7 @@ int run_job(Job job) {
     queries.add_frame(frame, world);
     checker.check_answers(frame, queries.rows(), queries.answers());
     status.step();
+    if (frame == 0) keep_freed_arrays();  // the lists of the World have most of their size
   }
   if (view) view->hold();
   if (world.frames() < total) figures.ended_by = stop.received();

@@ -3,12 +3,10 @@
 #include <utility>
 
 #include <fmt/format.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #include "convert.hpp"
 #include "exit_code.hpp"
+#include "heap_limits.hpp"
 #include "job.hpp"
 #include "journal_list.hpp"
 #include "node_processes.hpp"
@@ -25,6 +23,7 @@ namespace ringfence::tools {
 namespace {
 
 int profile(const ProfileOptions& options) {
+  return_freed_arrays();
   Job job = options.replay.scene.empty() ? make_job(options.run) : make_job(options.replay);
   job.profile = true;
   return run_job(std::move(job));
@@ -41,8 +40,10 @@ int run(const CommandLine& line) {
       if (line.run.soak_minutes > 0) return soak(line.run);
       [[fallthrough]];
     case CommandLine::Command::record:
+      return_freed_arrays();
       return run_job(make_job(line.run));
     case CommandLine::Command::replay:
+      return_freed_arrays();
       return run_job(make_job(line.replay));
     case CommandLine::Command::scale:
       return scale(line.scale);
@@ -55,6 +56,7 @@ int run(const CommandLine& line) {
     case CommandLine::Command::journal:
       return list_journal(line.journal);
     case CommandLine::Command::serve:
+      return_freed_arrays();
       return serve(line.serve);
     case CommandLine::Command::token:
       return print_token(line.token);
@@ -89,10 +91,6 @@ int run_guarded(int argc, char** argv) {
 }  // namespace ringfence::tools
 
 int main(int argc, char** argv) {
-#ifdef __GLIBC__
-  // By default arrays come from the heap once a larger one was freed, and memory that start-up has used stays resident.
-  (void)mallopt(M_MMAP_THRESHOLD, 128 * 1024);
-#endif
   try {
     return ringfence::tools::run_guarded(argc, argv);
   } catch (const std::bad_alloc&) {

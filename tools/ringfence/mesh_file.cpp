@@ -32,9 +32,10 @@ TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const s
     refuse(fmt::format("found extension \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
                        std::filesystem::path(name).extension().string()));
   }
-  const ChildResult result = run_child(helper_program("ringfence-mesh-reader"), {name, folder.string()}, bytes, limits);
-  if (!result.error.empty()) refuse("its reader, assimp, " + result.error);
   try {
+    const ChildResult result =
+        run_child(helper_program("ringfence-mesh-reader"), {name, folder.string()}, bytes, limits);
+    if (!result.error.empty()) throw Error("its reader, assimp, " + result.error);
     return mesh_in(result.output);
   } catch (const Error& error) {
     throw Error(fmt::format("{}: {}", name, error.what()));
@@ -57,6 +58,9 @@ TriangleMesh read_mesh(const std::filesystem::path& file) {
   ChildLimits limits;
   limits.cpu_seconds += static_cast<unsigned>(bytes >> 21);
   limits.memory_bytes += 32 * bytes;
+  limits.wall_seconds = 10 * limits.cpu_seconds;
+  // A million triangles have 48 MB; a vertex that no triangle uses has 12 bytes, and at least 6 in the file.
+  limits.answer_bytes += 2 * bytes;
   return parse_mesh(worlds::read_text(file), file.string(), folder, limits);
 }
 

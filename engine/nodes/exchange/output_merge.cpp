@@ -81,10 +81,32 @@ void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMerge
   }
 }
 
-std::uint64_t write_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+void sort_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+  scratch.listed_at = 0;
+  if (output_merge.node_contacts.size() == 1) {  // already in order, and in one slice
+    return;
+  }
+  NodeContactOrder& order = scratch.order;
+  order.start(output_merge.node_contacts);
+  const std::uint64_t first_key = output_merge.key_at(share);
+  const std::uint64_t end_key = output_merge.key_at(share + 1);
+  for (NodeNumber node = 0; node < output_merge.node_contacts.size(); ++node) {
+    const auto keys = output_merge.node_contacts[node]->keys.span();
+    std::size_t next = below(keys, first_key);
+    scratch.listed_at += next;
+    const FoundContact* const found = output_merge.node_contacts[node]->found.data();
+    for (; next < keys.size() && keys[next] < end_key; ++next) {
+      base::prefetch_for_read(found + next);  // read sequentially here, at random later
+      order.add(node, static_cast<std::uint32_t>(next), keys[next]);
+    }
+  }
+  order.sort();
+}
+
+std::uint64_t write_listed(const OutputMerge& output_merge, const OutputMergeScratch& scratch) noexcept {
   std::uint64_t duplicates = 0;
   std::uint64_t last = 0;
-  std::size_t at = 0;
+  std::size_t at = scratch.listed_at;
   const auto write = [&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     const NodeContacts& node_contacts = *output_merge.node_contacts[node];
     const FoundContact& found = node_contacts.found[position];
@@ -98,33 +120,19 @@ std::uint64_t write_listed(const OutputMerge& output_merge, std::size_t share, O
     duplicates += key == last ? 1 : 0;
     last = key;
   };
-  if (output_merge.node_contacts.size() == 1) {  // already in order, and in one slice
+  if (output_merge.node_contacts.size() == 1) {
     output_merge.node_contacts.front()->visit(
         [&](std::uint64_t key, std::uint32_t position, Phase phase) { write(key, 0, position, phase); });
-    return duplicates;
+  } else {
+    scratch.order.visit(write);
   }
-  NodeContactOrder& order = scratch.order;
-  order.start(output_merge.node_contacts);
-  const std::uint64_t first_key = output_merge.key_at(share);
-  const std::uint64_t end_key = output_merge.key_at(share + 1);
-  for (NodeNumber node = 0; node < output_merge.node_contacts.size(); ++node) {
-    const auto keys = output_merge.node_contacts[node]->keys.span();
-    std::size_t next = below(keys, first_key);
-    at += next;
-    const FoundContact* const found = output_merge.node_contacts[node]->found.data();
-    for (; next < keys.size() && keys[next] < end_key; ++next) {
-      base::prefetch_for_read(found + next);  // read sequentially here, at random later
-      order.add(node, static_cast<std::uint32_t>(next), keys[next]);
-    }
-  }
-  order.sort();
-  order.visit(write);
   return duplicates;
 }
 
 std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
   write_ended(output_merge, share, scratch);
-  return write_listed(output_merge, share, scratch);
+  sort_listed(output_merge, share, scratch);
+  return write_listed(output_merge, scratch);
 }
 
 }  // namespace ringfence::nodes

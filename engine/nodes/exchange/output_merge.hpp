@@ -40,17 +40,19 @@ struct OutputMerge {
 
 /// Working memory of write_slice(); belongs to the writer.
 struct OutputMergeScratch {
-  NodeContactOrder order;
+  NodeContactOrder order;     ///< of the contacts that are not ended; not used for one node, whose list is in order
+  std::size_t listed_at = 0;  ///< position of the first of them in the output lists
   base::PairSort ended_order;
   base::FlatList<std::size_t> ended;  ///< positions in the frame before
 
   void reserve(std::size_t contacts);
 };
 
-/// The two parts of write_slice(): first the ended contacts, then all others, which may replace the lists of the frame
-/// before if there is one slice. Without several nodes, write_listed() does not allocate.
+/// The parts of write_slice(), in this order: write the ended contacts; sort all others; write them. The last part
+/// allocates nothing, and may write over the lists of the frame before if there is one slice.
 void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
-std::uint64_t write_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
+void sort_listed(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
+std::uint64_t write_listed(const OutputMerge& output_merge, const OutputMergeScratch& scratch) noexcept;
 
 /// Writes one slice: contacts with their phases, and ended contacts as they last were. Returns the number of contacts
 /// whose pair was already written: 0 unless a bug made two nodes own one pair. Duplicates are written too, so that

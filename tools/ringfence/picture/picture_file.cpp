@@ -4,22 +4,19 @@
 #include <fmt/format.h>
 
 #include "child_process.hpp"
-#include "exit_code.hpp"
-#include "picture/png.hpp"
 #include "picture/svg.hpp"
 #include "picture/world_picture.hpp"
+#include "ringfence/error.hpp"
 
 namespace ringfence::tools {
 namespace {
 
-std::string to_png(const Drawing& drawing, PictureColors colors) {
+decltype(&ringfence_to_png) load_png() {
   void* const library = dlopen(helper_program("png.so").c_str(), RTLD_NOW | RTLD_LOCAL);
   const auto draw =
       library ? reinterpret_cast<decltype(&ringfence_to_png)>(dlsym(library, "ringfence_to_png")) : nullptr;
-  if (draw == nullptr) throw IncompleteError(fmt::format("picture: cannot be drawn: {}", dlerror()));
-  std::string bytes;
-  draw(drawing, colors, bytes);
-  return bytes;
+  if (draw == nullptr) throw Error(fmt::format("--picture: cannot draw PNG: {}", dlerror()));
+  return draw;
 }
 
 }  // namespace
@@ -27,11 +24,17 @@ std::string to_png(const Drawing& drawing, PictureColors colors) {
 bool PictureFile::is_supported(const std::string& path) { return path.ends_with(".svg") || path.ends_with(".png"); }
 
 PictureFile::PictureFile(const std::string& path, PictureColors colors)
-    : file_(path), colors_(colors), png_(path.ends_with(".png")) {}
+    : to_png_(path.ends_with(".png") ? load_png() : nullptr), file_(path), colors_(colors) {}
 
 void PictureFile::write(const World& world, const std::string& contact) {
   const Drawing drawing = draw_world(world, contact);
-  file_.write(png_ ? to_png(drawing, colors_) : to_svg(drawing, colors_));
+  std::string bytes;
+  if (to_png_ != nullptr) {
+    to_png_(drawing, colors_, bytes);
+  } else {
+    bytes = to_svg(drawing, colors_);
+  }
+  file_.write(bytes);
   file_.close();
 }
 

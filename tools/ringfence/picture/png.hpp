@@ -9,6 +9,6 @@
 /// PictureColors::automatic is light. Throws IncompleteError if cairo fails, for example because the memory does not
 /// suffice.
 ///
-/// In a shared object, libexec/ringfence/png.so, which is loaded when the first such picture is written.
+/// In a shared object, libexec/ringfence/png.so, which is loaded before a run that writes such a picture.
 extern "C" void ringfence_to_png(const ringfence::tools::Drawing& drawing, ringfence::tools::PictureColors colors,
                                  std::string& bytes);

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "exit_code.hpp"
+#include "heap_limits.hpp"
 #include "journal_run.hpp"
 #include "listen_address.hpp"
 #include "mesh_file.hpp"
@@ -178,6 +179,7 @@ int serve(const ServeOptions& options) {
   Gateway gateway(world, std::move(gateway_options));
   fmt::print("{}\n", gateway.url());
   std::fflush(stdout);
+  keep_freed_arrays();
   while (world.frames() < job.frames.frames && !stop.received()) {
     gateway.before_frame();
     robots.before_frame();

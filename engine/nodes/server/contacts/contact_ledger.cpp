@@ -361,13 +361,15 @@ bool ContactLedger::complete() {
   return true;
 }
 
-// The ended contacts are copied from the list that is then overwritten. Nothing is allocated after that.
+// The ended contacts are copied from the list that is then overwritten. share_out() has made room in it, so nothing is
+// allocated after the contacts are sorted: until then the list of the frame before can be read.
 void ContactLedger::write_over() {
   write_ended(*output_merge_, 0, scratch_);
+  sort_listed(*output_merge_, 0, scratch_);
   List& list = now();
   list.resize(size_);
   list.request_huge_pages();
-  duplicates_ = write_listed(*output_merge_, 0, scratch_);
+  duplicates_ = write_listed(*output_merge_, scratch_);
 }
 
 void ContactLedger::drop_duplicates() {

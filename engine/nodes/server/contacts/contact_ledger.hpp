@@ -119,7 +119,7 @@ class ContactLedger {
   std::uint64_t duplicates() const noexcept { return duplicates_; }
 
   /// After resolve_phases(): the contacts that concern user nodes, or `all` contacts, in order of (a, b). Valid until
-  /// the nodes begin the next frame.
+  /// complete(), and if two frames are kept until the nodes begin the next frame.
   std::span<const ContactNotice> notices(bool all);
   /// After resolve_phases(): the same for ended contacts, with the geometry of the last contact. Without
   /// `all`, contacts of nodes that are gone are listed whether or not they concern users.
@@ -133,7 +133,7 @@ class ContactLedger {
   std::span<const UnlistedContact> unlisted(NodeNumber node) const noexcept { return runs_[node].unlisted.span(); }
 
   /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
-  /// found(). For the current frame only after complete().
+  /// found(). For the current frame only after complete(). If one frame is kept, that of the frame before is gone then.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return live_[parity(frame)].contacts.span(); }
   std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept { return live_[parity(frame)].keys.span(); }
   std::span<const Found> found(std::uint64_t frame) const noexcept { return live_[parity(frame)].found.span(); }
