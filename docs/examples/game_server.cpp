@@ -4,6 +4,7 @@
 //   game_server [NODES [user|user-server|user-collision]]
 #include <algorithm>
 #include <cinttypes>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -222,13 +223,16 @@ class GameServer {
       player.pose.position.x += push.x;
       player.pose.position.y += push.y;
     }
+    const Vec3d here = world_.object(player.avatar).spec.pose.position;
     for (const auto& run : world_.seen_by(user)) {
       for (const ringfence::SeenState& state : run) {
-        // A server would send `state` to the client; this example counts the other players.
+        // A server would send `state` to the client if it is near; this example counts the other players.
+        const Vec3d& there = state.pose.position;
+        const bool near = std::hypot(there.x - here.x, there.y - here.y) <= world_.config().interest;
         const bool avatar = std::any_of(players_.begin(), players_.end(), [&](const auto& other) {
           return other.second.avatar.number() == state.number;
         });
-        player.seen += avatar ? 1 : 0;
+        player.seen += near && avatar ? 1 : 0;
       }
     }
   }
