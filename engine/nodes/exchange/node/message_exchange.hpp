@@ -75,7 +75,7 @@ class MessageExchange final : public NodeExchange {
   std::uint64_t queries_frame_ = NodeQueries::no_frame;
   bool has_all_queries_ = true;
   std::vector<messages::SensedRecord> sensed_;  ///< as received
-  std::vector<std::uint32_t> sensed_slots_;  ///< 0, 1, 2, ...
+  std::vector<std::uint32_t> sensed_slots_;     ///< 0, 1, 2, ...
   std::uint64_t sensed_frame_ = NodeQueries::no_frame;
   bool has_all_sensed_ = true;
   std::unique_ptr<queries::RecordedFrame> frame_before_;  ///< made of sensed_; null if nothing was sensed so far
