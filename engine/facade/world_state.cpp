@@ -64,7 +64,7 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
-      server_publication(nodes_publish() ? 0 : config.capacities.objects, config.interest, published_frames()),
+      server_publication(nodes_publish() ? 0 : config.capacities.objects, config.interest, kept_frames()),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
       starter(config, halt) {
@@ -87,7 +87,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;
   setup.deepest_contacts = config.deepest_contacts;
-  setup.contact_frames = threaded() ? 2 : 1;
+  setup.contact_frames = kept_frames();
   setup.interest = config.interest;
   setup.sense = config.sense;
   setup.balance = config.balance;

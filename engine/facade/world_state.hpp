@@ -46,8 +46,9 @@ struct WorldState {
     return config.deployment == Deployment::user_collision && config.placement == Placement::region &&
            exchange_kind() == nodes::ExchangeKind::shared;
   }
-  /// Number of frames that each publication keeps. One thread has read frame k before it publishes frame k + 1.
-  std::size_t published_frames() const noexcept { return threaded() ? 2 : 1; }
+  /// Number of frames whose publications and contacts are kept. One thread has read those of frame k before it writes
+  /// those of frame k + 1.
+  std::size_t kept_frames() const noexcept { return threaded() ? 2 : 1; }
   /// Size of a ring whose role uses `by_role` bytes by default. Without threads a large ring saves no wake-ups.
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
     constexpr std::size_t most_in_one_thread = std::size_t{1} << 14;

@@ -291,7 +291,7 @@ TEST_CASE("nodes publish only states in their regions, so user nodes skip most p
         low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
         high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
       }
-      const PlaceBox& bounds = relay->bounds[run.harness.last() & 1];
+      const geometry::CornerBox& bounds = relay->bounds[run.harness.last() & 1];
       REQUIRE(bounds.lower == low);
       REQUIRE(bounds.upper == high);
     }

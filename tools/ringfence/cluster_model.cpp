@@ -34,8 +34,8 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   const double lead = counts.tested > 0 ? counts.busiest_tested * nodes / counts.tested : 1;
   const double copies = costs[CostName::user_copies] > 0 ? costs[CostName::user_copies] : users - 1;
   const ClusterTraffic traffic = traffic_of(counts, costs);
-  const auto cpu = [&](const Sent& sent) { return sent.messages * message + sent.records * record; };
-  const auto link = [&](const Sent& sent) { return sent.bytes * byte; };
+  const auto cpu = [&](const MeanTraffic& sent) { return sent.messages * message + sent.records * record; };
+  const auto link = [&](const MeanTraffic& sent) { return sent.bytes * byte; };
 
   Parts parts{};
   parts.user_move = counts.user_hosted / users * (ms(costs[CostName::move_us]) + record);

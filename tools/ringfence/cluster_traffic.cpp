@@ -34,8 +34,6 @@ Counted counted_in(const FrameCounts& counts) {
   return out;
 }
 
-Sent sum(const MeanTraffic& traffic) { return {traffic.messages, traffic.records, traffic.bytes}; }
-
 /// As the paper describes it.
 void through_server(const FrameCounts& counts, const Counted& counted, ClusterTraffic& out) {
   const MeanTraffic &m2 = counts[Traffic::m2], &m5 = counts[Traffic::m5], &control = counts[Traffic::control];
@@ -45,9 +43,9 @@ void through_server(const FrameCounts& counts, const Counted& counted, ClusterTr
                std::max(0.0, control.bytes - notices * sizeof(messages::Header))};
   out.states = {counts[Traffic::m1].messages + std::max(0.0, counts[Traffic::state].messages - 1),
                 counted.user_states + counted.node_states, counted.user_state_bytes + counted.node_state_bytes};
-  out.m2 = sum(m2);
+  out.m2 = m2;
   out.m3 = {counts[Traffic::m3].messages, counts.contacts, counts[Traffic::m3].bytes};
-  out.m4 = sum(counts[Traffic::m4]);
+  out.m4 = counts[Traffic::m4];
   out.node_m2 = {m2.messages / counted.nodes, m2.records / counted.nodes, 0};
   out.node_end = {2 * m5.messages / counted.nodes, 2 * m5.records / counted.nodes, m5.bytes / counted.nodes};
 }

@@ -5,26 +5,21 @@
 
 namespace ringfence::tools {
 
-/// Messages, records and bytes in a frame.
-struct Sent {
-  double messages = 0, records = 0, bytes = 0;
-};
-
 /// What crosses the boundaries of machines in a frame of a cluster in which the server, each CD node and each user node
 /// have a machine of their own.
 struct ClusterTraffic {
   // Through the server, in the order of the frame.
-  Sent frame;     ///< messages that begin and end it
-  Sent states;    ///< states to the server that the frame needs: M1, and those of CD nodes
-  Sent replicas;  ///< states to the server that no step of the frame waits for
-  Sent m2;
-  Sent m3;
-  Sent relay;  ///< states of what users do not host, to the users: once for all
-  Sent m4;
+  MeanTraffic frame;     ///< messages that begin and end it
+  MeanTraffic states;    ///< states to the server that the frame needs: M1, and those of CD nodes
+  MeanTraffic replicas;  ///< states to the server that no step of the frame waits for
+  MeanTraffic m2;
+  MeanTraffic m3;
+  MeanTraffic relay;  ///< states of what users do not host, to the users: once for all
+  MeanTraffic m4;
   double user_bytes = 0;  ///< states that user nodes send to each other: each once
   // At the ends of one CD node.
-  Sent node_m2;   ///< what it sends and receives until it tests
-  Sent node_end;  ///< what it sends and receives afterwards
+  MeanTraffic node_m2;   ///< what it sends and receives until it tests
+  MeanTraffic node_end;  ///< what it sends and receives afterwards
 };
 
 /// Derives the traffic from the counts of a run in one process. With CostName::links 0, all goes to the server, as the

@@ -9,7 +9,7 @@
 namespace ringfence::tools {
 namespace {
 
-// Setting one of them turns off that glibc adjusts both.
+// If one of them is set, glibc no longer adjusts either.
 void set_limits([[maybe_unused]] int array_bytes, [[maybe_unused]] int free_bytes) noexcept {
 #ifdef __GLIBC__
   (void)mallopt(M_MMAP_THRESHOLD, array_bytes);

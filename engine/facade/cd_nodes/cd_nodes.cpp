@@ -42,7 +42,7 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
   }
   if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
     channel->publication = std::make_unique<nodes::HostPublication>(
-        NodePool::share_of(config.capacities.objects, count), config.interest, state.published_frames());
+        NodePool::share_of(config.capacities.objects, count), config.interest, state.kept_frames());
   }
   return pool_channel(channel);
 }

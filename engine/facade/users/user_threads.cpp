@@ -54,8 +54,7 @@ DuplexChannel& UserThreads::channel(std::size_t index) {
   if (channel == nullptr) {
     channel =
         std::make_unique<DuplexChannel>(state_.ring_bytes(ring_of(threads_.size())), state_.server_bell(), bell(index));
-    channel->publication =
-        std::make_unique<nodes::HostPublication>(0, state_.config.interest, state_.published_frames());
+    channel->publication = std::make_unique<nodes::HostPublication>(0, state_.config.interest, state_.kept_frames());
   }
   return *channel;
 }

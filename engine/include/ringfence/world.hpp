@@ -192,9 +192,9 @@ class World {
   /// Begin and persist contacts of one object, in order of (a, b). The first call after a frame builds an index.
   ObjectContacts collisions_of(ObjectId object) const;
   /// States of other objects near the user node's avatars in the last frame, as spans of the publications: all objects
-  /// within WorldConfig::interest of an avatar, and others that are published together with these: neighbours, 16 at a
-  /// time. Static objects are not included. Empty if the user node was late in the last frame or is not connected, and
-  /// after a call returned out_of_memory.
+  /// within WorldConfig::interest of an avatar, and some that are farther away; which ones depends on the number of
+  /// nodes. So compare distances where that matters. Static objects are not included. Empty if the user node was late
+  /// in the last frame or is not connected, and after a call returned out_of_memory.
   std::span<const std::span<const SeenState>> seen_by(UserId user) const noexcept;
 
   /// The last complete frame, pinned for queries about its objects: rays, sweeps, overlaps, nearest. Empty before the

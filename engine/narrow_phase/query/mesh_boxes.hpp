@@ -7,15 +7,13 @@
 #include <cstdint>
 #include <limits>
 
+#include "geometry/corner_box.hpp"
 #include "geometry/mesh_tree.hpp"
 #include "geometry/vector.hpp"
 
 namespace ringfence::narrow_phase {
 
-/// A box on the axes of a mesh, metres.
-struct CornerBox {
-  Vec3d lower, upper;
-};
+using geometry::CornerBox;
 
 /// The box of a node. Returns false if the lane is unused. It contains the boxes of all triangles below it, also after
 /// rounding: a float's difference in double rounds to no less than a float that it does not exceed.

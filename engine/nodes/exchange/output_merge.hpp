@@ -20,7 +20,7 @@ namespace ringfence::nodes {
 struct OutputMerge {
   std::span<NodeContacts* const> node_contacts;  ///< by node number
   std::size_t shares = 1;                        ///< number of slices
-  bool is_late = false;                          ///< no node writes a slice: the server writes the lists at the end
+  bool server_writes = false;                    ///< no node writes a slice: the server writes the lists at the end
   std::size_t size = 0;                          ///< number of contacts that all nodes found together
   Contact* contacts = nullptr;                   ///< parallel to keys and found
   std::uint64_t* keys = nullptr;

@@ -9,12 +9,14 @@
 
 namespace ringfence::nodes {
 
+using geometry::CornerBox;
+
 using queries::BoxTree;
 
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr PlaceBox empty_box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}};
+constexpr CornerBox empty_box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}};
 
 /// Reader: orders its reads of a buffer before its second test of the stamp. Writer: orders the reset of the stamp
 /// before its writes to the buffer. Needed only if the frame protocol is violated. Left out under the thread sanitizer,
@@ -25,13 +27,13 @@ void fence() noexcept {
 #endif
 }
 
-void widen(PlaceBox& box, const PlaceBox& by) noexcept {
+void widen(CornerBox& box, const CornerBox& by) noexcept {
   Vec3d &low = box.lower, &high = box.upper;
   low = {std::min(low.x, by.lower.x), std::min(low.y, by.lower.y), std::min(low.z, by.lower.z)};
   high = {std::max(high.x, by.upper.x), std::max(high.y, by.upper.y), std::max(high.z, by.upper.z)};
 }
 
-PlaceBox box_around(std::span<const PublishedState> states) noexcept {
+CornerBox box_around(std::span<const PublishedState> states) noexcept {
   Vec3d low = states[0].pose.position, high = low;
   for (const PublishedState& state : states.subspan(1)) {
     const Vec3d p = state.pose.position;
@@ -42,7 +44,7 @@ PlaceBox box_around(std::span<const PublishedState> states) noexcept {
 }
 
 /// Sets one lane of a group.
-void set_lane(queries::BoxGroup& group, std::size_t lane, const PlaceBox& box, const Vec3d& origin) noexcept {
+void set_lane(queries::BoxGroup& group, std::size_t lane, const CornerBox& box, const Vec3d& origin) noexcept {
   const Vec3d low = box.lower - origin, high = box.upper - origin;
   group.lower[0][lane] = BoxTree::lower_side(low.x);
   group.lower[1][lane] = BoxTree::lower_side(low.y);
@@ -54,7 +56,7 @@ void set_lane(queries::BoxGroup& group, std::size_t lane, const PlaceBox& box, c
 
 /// The volume of a box that is wider by `by` along each axis: the share of readers that list it. Sides have an upper
 /// bound, so that the box of an object which is far away from all others does not hide what becomes of their boxes.
-double widened_volume(const PlaceBox& box, double by) noexcept {
+double widened_volume(const CornerBox& box, double by) noexcept {
   const Vec3d size = box.upper - box.lower;
   const auto side = [&](double length) { return std::min(length, 6 * by) + by; };
   return side(size.x) * side(size.y) * side(size.z);
@@ -151,7 +153,7 @@ double Publication::set_boxes(FrameBuffer& buffer) const {
   double cost = 0;
   for (std::size_t leaf = 0; leaf < leaves; ++leaf) {
     const std::size_t first = leaf * leaf_size;
-    const PlaceBox box = box_around(states.subspan(first, std::min(leaf_size, states.size() - first)));
+    const CornerBox box = box_around(states.subspan(first, std::min(leaf_size, states.size() - first)));
     set_lane(groups[leaf / queries::tree_width], leaf % queries::tree_width, box, origin);
     widen(buffer.bounds, box);
     cost += widened_volume(box, 2 * interest_);
@@ -187,7 +189,7 @@ void Publication::sort(FrameBuffer& buffer, std::size_t first) {
   }
 }
 
-PlaceBox Publication::bounds(std::uint64_t frame) const noexcept {
+CornerBox Publication::bounds(std::uint64_t frame) const noexcept {
   const FrameBuffer* buffer = find_buffer(frame);
   return buffer ? buffer->bounds : empty_box;
 }

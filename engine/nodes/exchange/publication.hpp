@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "geometry/corner_box.hpp"
 #include "link/atomics.hpp"
 #include "queries/box_tree.hpp"
 #include "ringfence/seen_state.hpp"
@@ -17,16 +18,6 @@ namespace ringfence::nodes {
 
 /// The state of one object that many threads read: where it is. The same layout as in the API.
 using PublishedState = SeenState;
-
-/// A box in the world, in metres, both corners included; empty if a lower corner is above the upper one.
-struct PlaceBox {
-  Vec3d lower, upper;
-
-  bool touches(const PlaceBox& other) const noexcept {
-    return lower.x <= other.upper.x && other.lower.x <= upper.x && lower.y <= other.upper.y &&
-           other.lower.y <= upper.y && lower.z <= other.upper.z && other.lower.z <= upper.z;
-  }
-};
 
 /// The states of one frame, in an order in which neighbours in space are near each other, and a tree of the boxes
 /// around each 16 of them: written once by one thread, then read in place by any number of threads.
@@ -101,7 +92,7 @@ class Publication {
     return buffer ? &buffer->tree : nullptr;
   }
   /// Reader: the smallest box that contains all positions; empty if there are none.
-  PlaceBox bounds(std::uint64_t frame) const noexcept;
+  geometry::CornerBox bounds(std::uint64_t frame) const noexcept;
   /// Reader, after use of what it read of `frame`: whether that was consistent throughout.
   bool is_intact(std::uint64_t frame) const noexcept;
 
@@ -110,7 +101,7 @@ class Publication {
     std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the other members are complete
     base::FlatList<PublishedState> states;
     queries::BoxTree tree;
-    PlaceBox bounds;
+    geometry::CornerBox bounds;
   };
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};

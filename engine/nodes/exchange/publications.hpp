@@ -13,7 +13,7 @@ namespace ringfence::nodes {
 /// A publication and the box around its positions. Readers skip a publication whose box they do not touch.
 struct Published {
   Publication* publication = nullptr;  ///< null: unused entry
-  PlaceBox bounds[2];                  ///< by parity of the frame
+  geometry::CornerBox bounds[2];       ///< by parity of the frame
   bool any[2] = {false, false};        ///< by parity of the frame: whether there is any state
 };
 

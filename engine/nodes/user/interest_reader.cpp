@@ -8,6 +8,8 @@
 
 namespace ringfence::nodes {
 
+using geometry::CornerBox;
+
 void InterestReader::begin(std::uint64_t frame, const HostPublication* own) {
   frame_ = frame;
   own_ = own;
@@ -45,18 +47,18 @@ SeenPart InterestReader::read(const Host& host, const OwnStates& own) {
 
 namespace {
 
-PlaceBox around(const PlaceBox& box, double by) noexcept {
+CornerBox around(const CornerBox& box, double by) noexcept {
   return {{box.lower.x - by, box.lower.y - by, box.lower.z - by},
           {box.upper.x + by, box.upper.y + by, box.upper.z + by}};
 }
 
 /// The smallest box that contains a box and a point.
-PlaceBox with(const PlaceBox& box, const Vec3d& p) noexcept {
+CornerBox with(const CornerBox& box, const Vec3d& p) noexcept {
   return {{std::min(box.lower.x, p.x), std::min(box.lower.y, p.y), std::min(box.lower.z, p.z)},
           {std::max(box.upper.x, p.x), std::max(box.upper.y, p.y), std::max(box.upper.z, p.z)}};
 }
 
-bool is_small(const PlaceBox& box, double most) noexcept {
+bool is_small(const CornerBox& box, double most) noexcept {
   const Vec3d size = box.upper - box.lower;
   return size.x <= most && size.y <= most && size.z <= most;
 }
@@ -76,14 +78,14 @@ void InterestReader::list_boxes(const Host& host) {
       continue;
     }
     const Vec3d& p = object.pose.position;
-    const PlaceBox joined = boxes_.empty() ? PlaceBox{} : with(boxes_.back(), p);
+    const CornerBox joined = boxes_.empty() ? CornerBox{} : with(boxes_.back(), p);
     if (!boxes_.empty() && is_small(joined, interest_ / 8)) {
       boxes_.back() = joined;
     } else {
       boxes_.push_back({p, p});
     }
   }
-  for (PlaceBox& box : boxes_) box = around(box, interest_);
+  for (CornerBox& box : boxes_) box = around(box, interest_);
 }
 
 void InterestReader::list_own_places(const OwnStates& own) {
@@ -103,7 +105,7 @@ void InterestReader::select(const Source& source) noexcept {
 }
 
 void InterestReader::read_one_box(const Source& source) {
-  const PlaceBox& box = boxes_.front();
+  const CornerBox& box = boxes_.front();
   if (!box.touches(source.bounds)) {
     return;
   }
@@ -116,7 +118,7 @@ void InterestReader::read_one_box(const Source& source) {
 // the marked ones. The cost is proportional to the number of boxes, not to its square.
 void InterestReader::read_union(const Source& source) {
   bool any = false;
-  for (const PlaceBox& box : boxes_) {
+  for (const CornerBox& box : boxes_) {
     if (!box.touches(source.bounds)) continue;
     if (!std::exchange(any, true)) marked_.assign((source.tree->size() + 63) / 64, 0);
     const std::size_t ranges = touched_.find(*source.tree, source.tree->box_of(box.lower, box.upper));

@@ -62,7 +62,7 @@ class InterestReader {
  private:
   /// A publication that has states in this frame.
   struct Source {
-    PlaceBox bounds;
+    geometry::CornerBox bounds;
     const queries::BoxTree* tree;
     std::span<const PublishedState> states;
     bool is_own;
@@ -83,10 +83,10 @@ class InterestReader {
   double interest_;
   std::uint64_t frame_ = 0;
   const HostPublication* own_ = nullptr;
-  std::vector<Source> sources_;  ///< of this frame
-  SeenList seen_[2];             ///< by parity of the frame
-  std::size_t seen_room_ = 0;    ///< for spans, of each of them when it is started
-  std::vector<PlaceBox> boxes_;  ///< around the avatars
+  std::vector<Source> sources_;             ///< of this frame
+  SeenList seen_[2];                        ///< by parity of the frame
+  std::size_t seen_room_ = 0;               ///< for spans, of each of them when it is started
+  std::vector<geometry::CornerBox> boxes_;  ///< around the avatars
   queries::TouchedBoxes touched_;
   std::vector<std::uint64_t> marked_;  ///< of several boxes: one bit for each box of the tree that one of them touches
   std::vector<std::uint32_t> own_places_;

@@ -212,18 +212,18 @@ TEST_CASE("the bounds are the smallest box around all positions, and no box touc
   Table table(50, 3);
   Publication publication(0, 2);
   table.publish(publication, 1);
-  const PlaceBox everything{{-1e9, -1e9, -1e9}, {1e9, 1e9, 1e9}};
+  const geometry::CornerBox everything{{-1e9, -1e9, -1e9}, {1e9, 1e9, 1e9}};
   CHECK_FALSE(everything.touches(publication.bounds(1)));
   table.resize(300);
   table.publish(publication, 2);
-  PlaceBox expected{{1e9, 1e9, 1e9}, {-1e9, -1e9, -1e9}};
+  geometry::CornerBox expected{{1e9, 1e9, 1e9}, {-1e9, -1e9, -1e9}};
   for (const auto& [number, state] : table.states()) {
     const Vec3d& p = state.pose.position;
     Vec3d &low = expected.lower, &high = expected.upper;
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
-  const PlaceBox bounds = publication.bounds(2);
+  const geometry::CornerBox bounds = publication.bounds(2);
   CHECK(bounds.lower == expected.lower);
   CHECK(bounds.upper == expected.upper);
 }

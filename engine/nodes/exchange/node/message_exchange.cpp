@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
-#include <numeric>
 #include <utility>
 
 #include "base/pair_sort.hpp"
@@ -41,9 +40,10 @@ void MessageExchange::receive_sensed(const messages::MessageView& message) {
     frame_before_ = std::make_unique<queries::RecordedFrame>(std::move(shapes), std::make_shared<queries::LastOrder>());
   }
   frame_before_->begin(sensed_.size(), true);
-  sensed_slots_.resize(sensed_.size());
-  std::iota(sensed_slots_.begin(), sensed_slots_.end(), 0u);
-  const queries::RecordedFrame::NewRows rows = frame_before_->add(sensed_slots_);
+  for (auto slot = static_cast<std::uint32_t>(sensed_slots_.size()); slot < sensed_.size(); ++slot) {
+    sensed_slots_.push_back(slot);
+  }
+  const queries::RecordedFrame::NewRows rows = frame_before_->add(std::span(sensed_slots_).first(sensed_.size()));
   for (std::uint32_t i = 0; i < sensed_.size(); ++i) {
     const messages::SensedRecord& object = sensed_[i];
     rows.objects[i] = {object.pose,

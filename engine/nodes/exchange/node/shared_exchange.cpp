@@ -76,7 +76,7 @@ void SharedExchange::share_contacts() {
     return;  // this node is lost, and the shared memory may already belong to the next frame
   }
   state_.fault.pass(NodeStage::gate, state_.frame);
-  if (!contacts.output_merge->is_late) {
+  if (!contacts.output_merge->server_writes) {
     contacts.duplicates = write_slice(*contacts.output_merge, contacts.share, scratch_);
   }
   if (state_.setup.hosts) {

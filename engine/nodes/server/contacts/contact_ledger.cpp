@@ -277,7 +277,7 @@ void ContactLedger::share_out() {
   now().grow(size_);
   *output_merge_ = {.node_contacts = node_contacts_,
                     .shares = keeps_two_ ? std::max<std::size_t>(shares, 1) : 1,
-                    .is_late = !keeps_two_,
+                    .server_writes = !keeps_two_,
                     .endings = endings_,
                     .passed = passed_.span(),
                     .keys_before = before().keys.span(),

@@ -165,7 +165,7 @@ TEST_CASE("an object that moved, and one that is new, are published at their pre
   run.fixture.state().objects.mark_moved(mover);
   run.fixture.add({60, 60, 61}, Endpoint::node(0));
   CHECK(run.next() == std::vector<ObjectNumber>{1, 2});
-  const PlaceBox bounds = run.fixture.publications().server.bounds[0];
+  const geometry::CornerBox bounds = run.fixture.publications().server.bounds[0];
   CHECK(bounds.lower == Vec3d{60, 60, 60});
   CHECK(bounds.upper == Vec3d{60, 60, 61});
 }
