@@ -1,8 +1,11 @@
 #include "regions/bisection.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
+
+#include "base/radix_pass.hpp"
 
 namespace ringfence::regions {
 
@@ -13,6 +16,7 @@ Leaf leaf_of(const CellGrid& grid, std::uint32_t cell) noexcept {
 Bisection::Bisection(const CellGrid& grid) : grid_(grid) {
   owners_.reserve(grid.cells());
   sorted_.reserve(grid.cells());
+  other_.reserve(grid.cells());
 }
 
 std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<const double> weights) {
@@ -30,6 +34,7 @@ std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<cons
   leaves_ = leaves;
   owners_.resize(leaves.size());
   sorted_.resize(leaves.size());
+  other_.resize(leaves.size());
   for (std::uint32_t leaf = 0; leaf < leaves.size(); ++leaf) {
     sorted_[leaf].leaf = leaf;
   }
@@ -73,13 +78,25 @@ std::size_t Bisection::longest_axis(std::size_t begin, std::size_t end) const {
   return longest;
 }
 
-// Stable: leaves of one layer keep their order, so a cut within a layer is one step, not scattered.
+// Stable: leaves of one layer keep their order, so a cut within a layer is one step, not scattered. The coordinates of
+// cells that are not cut differ in a few bits only, so one pass usually sorts them.
 void Bisection::sort_along(std::size_t axis, std::size_t begin, std::size_t end) {
-  for (std::size_t i = begin; i < end; ++i) {
-    sorted_[i].key = std::uint64_t{leaves_[sorted_[i].leaf].bounds.lower[axis]} << 32 | i;
+  const std::span<SortKey> range = std::span(sorted_).subspan(begin, end - begin);
+  std::uint32_t different = 0;
+  for (SortKey& key : range) {
+    key.at = leaves_[key.leaf].bounds.lower[axis];
+    different |= key.at ^ range.front().at;
   }
-  std::sort(sorted_.begin() + static_cast<std::ptrdiff_t>(begin), sorted_.begin() + static_cast<std::ptrdiff_t>(end),
-            [](const SortKey& p, const SortKey& q) { return p.key < q.key; });
+  const auto low = static_cast<unsigned>(std::countr_zero(different));
+  const auto high = static_cast<unsigned>(std::bit_width(different));
+  constexpr unsigned digit_bits = 11;
+  for (unsigned shift = low; shift < high; shift += digit_bits) {
+    const unsigned bits = std::min(digit_bits, high - shift);
+    const std::uint32_t mask = (std::uint32_t{1} << bits) - 1;
+    base::radix_pass<SortKey>(range, other_.data(), mask + 1,
+                              [&](const SortKey& key) { return key.at >> shift & mask; });
+    std::copy_n(other_.begin(), range.size(), range.begin());
+  }
 }
 
 // The position at which the weight before it is nearest to its share. Leaves each side at least as many leaves as

@@ -46,7 +46,7 @@ class Bisection {
   std::size_t cut(std::size_t begin, std::size_t end, std::uint32_t left, std::uint32_t nodes) const;
 
   struct SortKey {
-    std::uint64_t key;  ///< coordinate << 32 | position before sorting
+    std::uint32_t at;  ///< coordinate
     std::uint32_t leaf;
   };
 
@@ -54,7 +54,7 @@ class Bisection {
   std::vector<Leaf> cells_;  ///< the cells of the grid, created by the first call that needs them
   std::span<const Leaf> leaves_;
   std::vector<NodeNumber> owners_;
-  std::vector<SortKey> sorted_;
+  std::vector<SortKey> sorted_, other_;  ///< `other_`: scratch, parallel
 };
 
 /// The leaf that consists of a whole cell.
