@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/prefetch.hpp"
 #include "queries/tree_box.hpp"
 #include "ringfence/pose.hpp"
 
@@ -73,6 +74,14 @@ class BoxTree {
   std::size_t levels() const noexcept { return levels_.size(); }
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
   const BoxGroup* level(std::size_t level) const noexcept { return groups_.data() + levels_[level]; }
+
+  /// Loads what a search reads first into the cache. The tree itself is there already.
+  void prefetch_top() const noexcept {
+    base::prefetch_for_read(levels_.data());
+    if (!groups_.empty()) {
+      base::prefetch_object(groups_[groups_.size() - 1]);
+    }
+  }
 
   /// Number of nodes, or of boxes at level 0, in the groups of a level.
   std::size_t nodes(std::size_t level) const noexcept { return level == 0 ? size() : level_size(level - 1); }

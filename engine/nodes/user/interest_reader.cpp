@@ -4,6 +4,7 @@
 #include <bit>
 #include <utility>
 
+#include "base/prefetch.hpp"
 #include "ringfence/object.hpp"
 
 namespace ringfence::nodes {
@@ -40,7 +41,11 @@ SeenPart InterestReader::read(const Host& host, const OwnStates& own) {
   list_boxes(host);
   if (!boxes_.empty()) {
     list_own_places(own);
-    for (const Source& source : sources_) boxes_.size() == 1 ? read_one_box(source) : read_union(source);
+    if (boxes_.size() == 1) {
+      read_one_box();
+    } else {
+      for (const Source& source : sources_) read_union(source);
+    }
   }
   return {&seen, static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(seen.size() - first)};
 }
@@ -104,11 +109,23 @@ void InterestReader::select(const Source& source) noexcept {
   skipped_ = source.is_own ? std::span<const std::uint32_t>(own_places_) : std::span<const std::uint32_t>();
 }
 
+// With many nodes the box touches many small publications, which other cores have written: their trees are prefetched
+// in a pipeline.
+void InterestReader::read_one_box() {
+  constexpr std::size_t ahead = 4;
+  near_.clear();
+  for (const Source& source : sources_) {
+    if (boxes_.front().touches(source.bounds)) near_.push_back(&source);
+  }
+  for (std::size_t i = 0; i < near_.size(); ++i) {
+    if (i + 2 * ahead < near_.size()) base::prefetch_object(*near_[i + 2 * ahead]->tree);
+    if (i + ahead < near_.size()) near_[i + ahead]->tree->prefetch_top();
+    read_one_box(*near_[i]);
+  }
+}
+
 void InterestReader::read_one_box(const Source& source) {
   const CornerBox& box = boxes_.front();
-  if (!box.touches(source.bounds)) {
-    return;
-  }
   select(source);
   const std::size_t ranges = touched_.find(*source.tree, source.tree->box_of(box.lower, box.upper));
   for (std::size_t i = 0; i < ranges; ++i) read_range(touched_[i]);

@@ -71,6 +71,7 @@ class InterestReader {
   void start_list();
   void list_boxes(const Host& host);
   void list_own_places(const OwnStates& own);
+  void read_one_box();
   void read_one_box(const Source& source);
   void read_union(const Source& source);
   void mark(const queries::BoxRange& range) noexcept;
@@ -88,6 +89,7 @@ class InterestReader {
   std::size_t seen_room_ = 0;               ///< for spans, of each of them when it is started
   std::vector<geometry::CornerBox> boxes_;  ///< around the avatars
   queries::TouchedBoxes touched_;
+  std::vector<const Source*> near_;    ///< that one box touches
   std::vector<std::uint64_t> marked_;  ///< of several boxes: one bit for each box of the tree that one of them touches
   std::vector<std::uint32_t> own_places_;
   // Of the publication that is read:
