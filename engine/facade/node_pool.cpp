@@ -121,6 +121,7 @@ PoolNode& NodePool::replace(NodeNumber slot, const regions::RegionMap& map) {
   auto node = make_node(slot, size(), nullptr, RemoteNodes::local_member);
   make_role(*node, size(), map);
   if (shares()) {
+    node->server.second.node_contacts->report.dismissed = true;  // until the server has connected it
     node->role->assign(slot, std::make_shared<const nodes::SharedNodes>(nodes_.size()));
   } else {
     node->role->assign(slot, std::vector<Connection>(nodes_.size()));
@@ -167,7 +168,7 @@ std::shared_ptr<link::WakeTree> NodePool::make_wake_tree() const {
   return all_have_threads && bells.size() > max_woken_directly ? std::make_shared<link::WakeTree>(bells) : nullptr;
 }
 
-std::shared_ptr<link::WakeTree> NodePool::connect(nodes::Arrivals* arrivals) {
+std::shared_ptr<link::WakeTree> NodePool::connect() {
   const auto shared = shares() ? shared_nodes() : nullptr;
   auto tree = make_wake_tree();
   std::size_t member = 0;
@@ -180,7 +181,7 @@ std::shared_ptr<link::WakeTree> NodePool::connect(nodes::Arrivals* arrivals) {
     }
     node.is_stepped = true;
     if (shares()) {
-      node.role->assign(node.slot, shared, tree != nullptr ? arrivals : nullptr);
+      node.role->assign(node.slot, shared);
     } else {
       node.role->assign(node.slot, peers_of(node));
     }

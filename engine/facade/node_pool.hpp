@@ -122,9 +122,8 @@ class NodePool {
   /// server's thread steps none of them.
   void remove(std::span<const NodeNumber> slots);
   /// Gives the roles of this process their connections with the others and has their threads step them. Returns what
-  /// wakes all these threads; null if there are few of them, or not every node has one. Then `arrivals`, which outlives
-  /// the threads, is not used; otherwise it is how the nodes wake the server.
-  std::shared_ptr<link::WakeTree> connect(nodes::Arrivals* arrivals = nullptr);
+  /// wakes all these threads; null if there are few of them, or not every node has one.
+  std::shared_ptr<link::WakeTree> connect();
   /// At the end of each frame: frees what can be freed. Returns whether the threads of all retired nodes have ended.
   bool free_retired();
 
@@ -146,7 +145,7 @@ class NodePool {
  private:
   using Ends = std::pair<NodeNumber, NodeNumber>;  ///< slots, the lower one first
 
-  /// With so many threads or fewer, each message wakes its receiver: the first nodes then start sooner.
+  /// With so many threads or fewer, the server wakes each: the first nodes then start sooner.
   static constexpr std::size_t max_woken_directly = 16;
 
   std::shared_ptr<link::WakeTree> make_wake_tree() const;

@@ -83,6 +83,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.deployment = config.deployment;
   setup.placement = config.placement;
   setup.exchange = exchange_kind();
+  setup.frame_control = frame_control();
   setup.layer_masks = layer_masks;
   setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;

@@ -39,6 +39,10 @@ struct WorldState {
   nodes::ExchangeKind exchange_kind() const noexcept {
     return config.remote_nodes == nullptr ? nodes::ExchangeKind::shared : nodes::ExchangeKind::messages;
   }
+  /// How the server controls the frames of the CD nodes; null if it does so by messages.
+  nodes::FrameControl* frame_control() noexcept {
+    return exchange_kind() == nodes::ExchangeKind::shared ? &shared_control : nullptr;
+  }
   /// Whether a CD node of this process may be lost.
   bool nodes_may_be_lost() const noexcept { return threaded() && config.deadlines.node_ms > 0; }
   /// Whether the CD nodes, not the server, publish the objects for the user nodes: unless a node is lost.
@@ -83,6 +87,7 @@ struct WorldState {
   nodes::Publication server_publication;
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
+  nodes::FrameControl shared_control;
   Halt halt;
   nodes::FaultRelease faults;
   WorldLog log;

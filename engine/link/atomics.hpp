@@ -58,6 +58,7 @@ enum class Defect : std::uint8_t {
   wave_peek_unordered,        ///< the load of a wave number is not an acquire
   wave_stored_late,           ///< the waker rings the first members before it stores the wave number
   arrival_unordered,          ///< an arrival does not acquire what earlier ones released
+  arrived_unordered,          ///< the load of who has arrived is not an acquire
 };
 
 /// How a waiting thread polls its condition before it announces that it sleeps, polls once more, and sleeps.

@@ -30,6 +30,14 @@ class alignas(cache_line_pair_bytes) BasicGathering {
         arrived_.fetch_or(bit, order_unless<Policy>(Defect::arrival_unordered, std::memory_order_acq_rel));
     return (expected_.load(std::memory_order_relaxed) & ~(before | bit)) == 0;
   }
+  /// By the thread that waits: from now on every member that arrives wakes it; those that have arrived stay arrived. A
+  /// read-modify-write, which later loads of this thread do not overtake on x86: so it finds a member that has not seen
+  /// this yet if it then looks for itself.
+  void wake_for_each() noexcept { expected_.exchange(0, std::memory_order_acq_rel); }
+  /// By the thread that waits: who has arrived, one bit each. What these members did before is visible.
+  std::uint64_t arrived() const noexcept {
+    return arrived_.load(order_unless<Policy>(Defect::arrived_unordered, std::memory_order_acquire));
+  }
 
  private:
   typename Policy::template Atomic<std::uint64_t> arrived_{0};

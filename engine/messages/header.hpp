@@ -72,7 +72,8 @@ enum class MessageType : std::uint16_t {
   probe = 20,  ///< no records: reply at once with probe_reply
   // CD nodes to server.
   probe_reply = 21,  ///< no records: the sender still runs
-  published = 22,    ///< no records: the publication of the sender's hosted objects can be read
+  // User threads to server.
+  published = 22,  ///< no records: the publication of the sender's hosted objects can be read
   // Server to user nodes, during the narrow phase.
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };

@@ -82,6 +82,36 @@ struct Arriving {
   }
 };
 
+/// The thread that waits sees in any order who has arrived, and then also what these members have done. The second
+/// member arrives after the waiting thread has asked to be woken for each.
+template <class Policy>
+struct Looking {
+  static constexpr int threads = 3;
+
+  link::BasicDoorbell<Policy> bell;
+  link::BasicGathering<Policy> gathering;
+  Atomic<std::uint32_t> done[2]{{0}, {0}};
+  bool complete = true;
+
+  Looking() { gathering.expect(7); }  // the third member never arrives
+  void thread(int which) {
+    if (which == 3) {
+      gathering.wake_for_each();
+      const std::uint64_t arrived = gathering.arrived();
+      for (unsigned member = 0; member < 2; ++member) {
+        if ((arrived >> member & 1) != 0) complete &= done[member].load(std::memory_order_relaxed) != 0;
+      }
+      return;
+    }
+    const auto member = static_cast<unsigned>(which - 1);
+    done[member].store(1, std::memory_order_relaxed);
+    if (gathering.arrive(member)) bell.ring();
+  }
+  void finish() {
+    if (!complete) explorer().fail("a member has arrived, and what it did before is not visible");
+  }
+};
+
 constexpr std::uint64_t max_executions = 20'000'000;
 
 /// The failure that the programs find in one version of the code; empty if there is none.
@@ -100,6 +130,7 @@ std::string explore_all(std::uint64_t& executions) {
     }
   };
   next("arriving", std::type_identity<Arriving<Policy>>());
+  next("looking", std::type_identity<Looking<Policy>>());
   next("a chain of two", std::type_identity<Waking<Policy, 1, 2>>());
   next("a tree of three", std::type_identity<Waking<Policy, 2, 3>>());
   return failure;
@@ -124,6 +155,7 @@ TEST_CASE("every seeded defect of wake tree and gathering is found") {
   expect_found<Defect::wave_peek_unordered>();
   expect_found<Defect::wave_stored_late>();
   expect_found<Defect::arrival_unordered>();
+  expect_found<Defect::arrived_unordered>();
 }
 
 TEST_CASE("each member of a wake tree has one parent, and the levels grow by a factor of the fan-out") {

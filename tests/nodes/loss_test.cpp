@@ -129,7 +129,8 @@ TEST_CASE("nodes that are lost one after another, including the last and its rep
       const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
         if (frame >= 2 && frame < 6) harness.kill(static_cast<NodeNumber>(frame % harness.nodes()), messages);
       });
-      CHECK(lost >= (messages < 8 ? 4 : 2));
+      // In a process a node sends and receives fewer messages in a frame, so it may have completed it before.
+      CHECK(lost >= (messages < (config.shares_memory ? 7 : 8) ? 4 : 2));
       CHECK(harness.nodes() == (lost < config.nodes ? config.nodes - lost : 1));
     }
   });

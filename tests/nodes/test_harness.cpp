@@ -8,6 +8,8 @@
 
 #include <doctest/doctest.h>
 
+#include "nodes/logged_words.hpp"
+
 namespace ringfence::nodes::test {
 
 bool TappedChannel::pass(const Tamper& tamper, std::vector<LoggedMessage>& log, std::size_t most) {
@@ -56,6 +58,7 @@ TestHarness::TestHarness(const HarnessConfig& config)
   setup.deployment = config.deployment;
   setup.placement = config.placement;
   setup.exchange = exchange_kind();
+  setup.frame_control = config.shares_memory ? &frame_control_ : nullptr;
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = config.interest;
@@ -86,6 +89,7 @@ facade::NodePoolSetup TestHarness::pool_setup() {
   setup.role.model = config_.model;
   setup.role.placement = config_.placement;
   setup.role.exchange = exchange_kind();
+  setup.role.frame_control = config_.shares_memory ? &frame_control_ : nullptr;
   setup.role.hosts = config_.deployment == Deployment::user_collision;
   setup.role.layer_masks.fill(~0u);
   setup.connect_to_server = [this](const facade::PoolNode& node, std::size_t) { return connect_to_server(node); };
@@ -155,11 +159,57 @@ bool TestHarness::pass(const facade::PoolNode& node) {
   const std::size_t before = log_.size();
   const bool from_node = channel_of(node).from_node.pass(tamper_nodes, log_);
   const bool delivered = channel_of(node).to_node.pass({}, log_);
-  std::size_t& messages = control(node).messages;
-  if (messages != ~std::size_t{0}) {
-    messages -= std::min(messages, log_.size() - before);
-  }
+  count_messages(node, log_.size() - before);
   return from_node || delivered;
+}
+
+void TestHarness::count_messages(const facade::PoolNode& node, std::size_t messages) {
+  std::size_t& left = control(node).messages;
+  if (left != ~std::size_t{0}) {
+    left -= std::min(left, messages);
+  }
+}
+
+// Words of FrameControl and StepReport are not delayed, so neither are messages of roles that share memory.
+bool TestHarness::step_node(const facade::PoolNode& node) {
+  if (config_.shares_memory) {
+    pass(node);
+  }
+  const bool progressed = node.role->step() == Step::progressed;
+  if (config_.shares_memory) {
+    const ServerChannel& channel = channel_of(node);
+    const StepReport& report = channel.node_contacts.report;
+    const std::size_t before = log_.size();
+    channel_of(node).from_node.pass(tamper_nodes, log_);  // messages before words
+    log_reports(log_, Endpoint::node(node.slot), frames(), report, control(node).reached,
+                channel.publication && channel.publication->wanted);
+    control(node).reached = report.reached.load();
+    count_messages(node, log_.size() - before);
+  }
+  return progressed;
+}
+
+bool TestHarness::step_server() {
+  if (config_.shares_memory) {
+    for (const facade::PoolNode* node : all_nodes()) {
+      channel_of(*node).from_node.pass(tamper_nodes, log_);
+    }
+  }
+  const FrameControl::Announced before = frame_control_.announced();
+  const std::uint64_t frame = frames();
+  const bool progressed = server_->step() == Step::progressed;
+  const FrameControl::Announced announced = frame_control_.announced();
+  // One step announces at most the end of the frame before it waits for the nodes.
+  if (announced != before && announced.is_of(frame)) {
+    pool_->each([&](const facade::PoolNode& node) {
+      if (!control(node).stopped) {
+        channel_of(node).to_node.pass({}, log_);  // those that were sent before
+        log_.push_back(logged_word(Endpoint::server(), Endpoint::node(node.slot), type_of(announced.step()), frame));
+        count_messages(node, 1);
+      }
+    });
+  }
+  return progressed;
 }
 
 bool TestHarness::lose(const facade::PoolNode& node, bool still_runs) {
@@ -366,7 +416,7 @@ bool TestHarness::step_in_order() {
   if (between) {
     between();
   }
-  bool progressed = server_->step() == Step::progressed;
+  bool progressed = step_server();
   fallback();
   pool_->each([&](const facade::PoolNode& node) {
     Control& own = control(node);
@@ -376,7 +426,7 @@ bool TestHarness::step_in_order() {
   });
   pool_->each([&](const facade::PoolNode& node) {
     const Control& own = control(node);
-    progressed |= !own.stopped && own.messages != 0 && node.role->step() == Step::progressed;
+    progressed |= !own.stopped && own.messages != 0 && step_node(node);
   });
   for (auto& [number, user] : users_) {
     progressed |= user.thread->step() == Step::progressed;
@@ -421,14 +471,14 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
   const std::size_t known = controls_.size();
   for (int round = 0; round < 400 && order_.completed.load() != order_.ordered.load(); ++round) {
     if (one_in(server_period)) {
-      server_->step();
+      step_server();
     }
     fallback();
     const std::vector<facade::PoolNode*> all = all_nodes();
     for (const facade::PoolNode* node : all) {
       const unsigned period = control(*node).period;
       if (is_stepped(node->id) && period != 0 && one_in(period)) {
-        node->role->step();
+        step_node(*node);
       }
     }
     for (auto& [number, user] : users_) {
@@ -438,6 +488,7 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
       if (one_in(channel.period)) channel.pass({}, log_, 1 + random() % 4);
     };
     for (const facade::PoolNode* node : all) {
+      if (config_.shares_memory) break;  // see step_node()
       if (is_stepped(node->id)) pass(channel_of(*node).to_node);
       pass(channel_of(*node).from_node);
     }
@@ -450,6 +501,8 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
     }
     const facade::PoolNode& node = node_at(random() % pool_->size());
     const bool may_be_lost = node.id < known && !control(node).stopped;
+    may_lose |=
+        frame_control_.announced().is_of(frames()) && frame_control_.announced().step() == AnnouncedStep::frame_end;
     for (; !may_lose && log_position < log_.size(); ++log_position) {
       may_lose = log_[log_position].type() == MessageType::frame_end;
     }

@@ -98,7 +98,8 @@ struct FoundHit {
   bool operator==(const FoundHit&) const = default;
 };
 
-/// A server, CD nodes and user nodes in one thread, stepped by hand; all their messages are recorded.
+/// A server, CD nodes and user nodes in one thread, stepped by hand; all their messages are recorded. With
+/// shares_memory, words that replace messages are recorded like these.
 class TestHarness {
  public:
   explicit TestHarness(const HarnessConfig& config);
@@ -177,6 +178,7 @@ class TestHarness {
     unsigned period = 1;                     ///< in random order it is stepped once in this many rounds; 0: never again
     std::size_t messages = ~std::size_t{0};  ///< number of messages until it stops
     ReadGate* stops_inside = nullptr;        ///< the node stops when it has entered this gate
+    FrameMark<ReportedStep> reached;         ///< of what it has reported, the last that is in the log
   };
 
   ExchangeKind exchange_kind() const { return config_.shares_memory ? ExchangeKind::shared : ExchangeKind::messages; }
@@ -196,6 +198,9 @@ class TestHarness {
   void step_in_random_order(const RandomOrder& random_order);
   void fallback();
   bool pass(const facade::PoolNode& node);
+  void count_messages(const facade::PoolNode& node, std::size_t messages);
+  bool step_node(const facade::PoolNode& node);
+  bool step_server();
   bool lose(const facade::PoolNode& node, bool still_runs);
   void report_stopped_nodes();
 
@@ -214,6 +219,7 @@ class TestHarness {
   Publications publications_;
   Publication relay_;
   FrameOrder order_;
+  FrameControl frame_control_;
   base::SystemVector<Request> requests_;
   std::vector<Control> controls_;                                                      ///< by id
   std::map<std::pair<NodeNumber, NodeNumber>, std::shared_ptr<TappedChannel>> peers_;  ///< by ids: from, to

@@ -60,6 +60,7 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.role.sense = config.sense;
   setup.role.placement = config.placement;
   setup.role.exchange = state.exchange_kind();
+  setup.role.frame_control = state.frame_control();
   setup.role.layer_masks = state.layer_masks;
   setup.role.keep_resting = config.tuning.keep_resting;
   setup.role.hosts = config.deployment == Deployment::user_collision;
@@ -108,12 +109,8 @@ std::vector<nodes::Connection> CdNodes::make_first(const regions::RegionMap& map
 
 void CdNodes::connect(nodes::ServerRole& server) {
   state_.assign_server_thread({});
-  if (arrivals_ == nullptr && state_.server_bell() != nullptr) {
-    arrivals_ = std::make_unique<nodes::Arrivals>(*state_.server_bell());
-  }
-  auto tree = pool_.connect(arrivals_.get());
-  nodes::Arrivals* const arrivals = tree != nullptr ? arrivals_.get() : nullptr;
-  server.set_wake_ups(std::move(tree), arrivals);
+  state_.shared_control.set_server_bell(state_.server_bell());
+  server.set_wake_tree(pool_.connect());
   assign_remote_nodes(server);
   state_.assign_server_thread(server_thread_roles(server));
 }

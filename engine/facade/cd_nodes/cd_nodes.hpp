@@ -7,7 +7,6 @@
 #include "base/numbers.hpp"
 #include "facade/node_pool.hpp"
 #include "facade/world_state.hpp"
-#include "nodes/exchange/arrivals.hpp"
 #include "nodes/role.hpp"
 #include "nodes/server/server_role.hpp"
 #include "regions/region_map.hpp"
@@ -51,7 +50,6 @@ class CdNodes {
   void assign_remote_nodes(nodes::ServerRole& server);
 
   WorldState& state_;
-  std::unique_ptr<nodes::Arrivals> arrivals_;  ///< null before connect(), and without threads
   NodePool pool_;
 };
 

@@ -27,10 +27,8 @@ void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   settle();
 }
 
-void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals) {
+void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes) {
   state_.assign(node, std::move(nodes));
-  arrivals_ = arrivals;
-  state_.setup.server.out->set_quiet(arrivals != nullptr);
   settle();
 }
 
@@ -41,32 +39,9 @@ void CdNodeRole::settle() {
 }
 
 Step CdNodeRole::step() {
-  const CdNodeStage before = state_.stage;
   const Step made = step_once();
-  if (arrivals_ != nullptr && state_.setup.server.out->take_unrung()) {
-    wake_server(before);
-  }
+  exchange_->finish_step();
   return made;
-}
-
-// Messages have been sent in this step. If they end a stage of the frame, the server waits for the other nodes too.
-void CdNodeRole::wake_server(CdNodeStage before) noexcept {
-  arrivals_->note(state_.setup.node);
-  const CdNodeStage now = state_.stage;
-  const bool moved = before <= CdNodeStage::moving && now >= CdNodeStage::gathering;
-  const bool tested = before <= CdNodeStage::colliding && now >= CdNodeStage::ending;
-  const bool done = before != CdNodeStage::waiting && now == CdNodeStage::waiting;
-  const bool waits_for_room = now == CdNodeStage::moving || now == CdNodeStage::colliding ||
-                              now == CdNodeStage::handing_over || now == CdNodeStage::reporting;
-  if (waits_for_room || !(moved || tested || done)) {
-    arrivals_->wake();
-  }
-  for (const auto& [ended, stage] :
-       {std::pair{moved, Arrivals::Stage::moved}, {tested, Arrivals::Stage::tested}, {done, Arrivals::Stage::done}}) {
-    if (ended) {
-      arrivals_->arrive(state_.setup.node, stage);
-    }
-  }
 }
 
 Step CdNodeRole::step_once() {
@@ -74,7 +49,9 @@ Step CdNodeRole::step_once() {
   if (state_.fault.is_stopped(step_start_)) [[unlikely]] {
     return Step::idle;
   }
+  const FrameControl::Announced announced = exchange_->announced();
   bool progressed = receive_from_server();
+  progressed |= follow(announced);
   progressed |= receive_from_peers();
   progressed |= answer_probe();
   while (advance()) {
@@ -111,9 +88,6 @@ bool CdNodeRole::advance() {
         }
         state_.stats.move_cpu_ns = cpu_spent();
         mover_.publish();
-      }
-      if (!mover_.send_published()) {
-        return false;
       }
       state_.stats.publish_cpu_ns = cpu_spent() - state_.stats.move_cpu_ns;
       state_.stage = CdNodeStage::gathering;
@@ -156,11 +130,10 @@ bool CdNodeRole::advance() {
       if (!migration_.is_complete() || !exchange_->complete_contacts()) {
         return false;
       }
-      frame_done_run_.start(1);
       state_.stage = CdNodeStage::reporting;
       return true;
     case CdNodeStage::reporting:
-      if (!exchange_->send_hits() || !detector_.send_kinds() || !send_frame_done()) {
+      if (!exchange_->send_hits() || !report_done()) {
         return false;
       }
       state_.traffic = {};
@@ -171,10 +144,43 @@ bool CdNodeRole::advance() {
   return false;
 }
 
+// What the server has announced before the messages were read that belong to it. After a loss the frame is detected
+// again under another map, and what was announced before is void. A node begins a frame that it joins late, such as the
+// fallback node, at whatever step the frame is.
+bool CdNodeRole::follow(FrameControl::Announced announced) {
+  using enum AnnouncedStep;
+  if (awaits_map_) {
+    return false;
+  }
+  bool any = false;
+  if (state_.stage == CdNodeStage::waiting && (announced.step() == frame_begin || announced.step() == positions_sent)) {
+    const std::uint64_t frame = exchange_->announced_frame();
+    if (!announced.is_of(frame)) {
+      return false;  // this node is lost, and the server is in another frame
+    }
+    begin(frame);
+    any = true;
+  }
+  if (!announced.is_of(state_.frame) || !announced.has_epoch(state_.region.map().epoch()) ||
+      state_.stage == CdNodeStage::waiting) {
+    return any;
+  }
+  if (announced.step() >= positions_sent && !state_.received.positions) {
+    state_.received.positions = true;
+    any = true;
+  }
+  if (announced.step() == frame_end && state_.stage == CdNodeStage::ending && !state_.received.frame_end) {
+    end_frame();
+    any = true;
+  }
+  return any;
+}
+
 void CdNodeRole::begin(std::uint64_t frame) {
   state_.begin(frame);
   detector_.begin();
   migration_.begin();
+  end_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
   mover_.begin();
   state_.stage = CdNodeStage::moving;
@@ -272,6 +278,7 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::ghosts_sent:
       return exchange_->expect_ghosts(message.record<messages::GhostsSentRecord>(0).ghosts);
     case MessageType::region_map:
+      awaits_map_ &= !message.last();
       return halo_.receive_map(message);
     case MessageType::lost:
       for (std::size_t i = 0; i < message.count(); ++i) {
@@ -281,16 +288,17 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::probe:
       return probe_reply_run_.start(0);
     case MessageType::frame_end:
-      return receive_end(message.record<messages::FrameEndRecord>(0));
+      end_ = message.record<messages::FrameEndRecord>(0);
+      return state_.shares_memory() ? void() : end_frame();
     default:
       state_.host.apply(message);
   }
 }
 
-void CdNodeRole::receive_end(const messages::FrameEndRecord& record) {
-  migration_.expect(record.hand_overs);
-  exchange_->expect_contacts(record.contacts);
-  if (record.hosts_exchange_objects != 0) {
+void CdNodeRole::end_frame() {
+  migration_.expect(end_.hand_overs);
+  exchange_->expect_contacts(end_.contacts);
+  if (end_.hosts_exchange_objects != 0) {
     state_.host.list_all(true);
   }
   state_.received.frame_end = true;
@@ -311,6 +319,7 @@ void CdNodeRole::lose(const messages::LostRecord& record) {
 }
 
 void CdNodeRole::detect_again() {
+  awaits_map_ = true;
   state_.region.discard_entries();
   state_.await_positions();
   exchange_->discard_ghosts();
@@ -338,17 +347,19 @@ std::uint64_t CdNodeRole::cpu_spent() const noexcept {
                                     : telemetry::thread_cpu_ns() - cpu_start_;
 }
 
-bool CdNodeRole::send_frame_done() {
-  return state_.send(frame_done_run_, MessageType::frame_done, [this](std::size_t) {
-    messages::NodeFrameStats& stats = state_.stats;
-    stats.cpu_ns = cpu_spent();
-    stats.busy_ns += telemetry::now_ns() - step_start_;
-    state_.host.report(stats);
-    const TrafficReport& m5 = state_.traffic[static_cast<std::size_t>(Traffic::m5)];
-    stats.m5_messages = m5.messages;
-    stats.m5_bytes = m5.bytes;
-    return stats;
-  });
+bool CdNodeRole::report_done() {
+  messages::NodeFrameStats stats = state_.stats;
+  stats.cpu_ns = cpu_spent();
+  stats.busy_ns += telemetry::now_ns() - step_start_;
+  state_.host.report(stats);
+  const TrafficReport& m5 = state_.traffic[static_cast<std::size_t>(Traffic::m5)];
+  stats.m5_messages = m5.messages;
+  stats.m5_bytes = m5.bytes;
+  if (!exchange_->report_done(detector_.kinds(), stats)) {
+    return false;
+  }
+  state_.stats = stats;
+  return true;
 }
 
 }  // namespace ringfence::nodes

@@ -17,7 +17,6 @@
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
 #include "nodes/cd_node/queries/query_answerer.hpp"
-#include "nodes/exchange/arrivals.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
@@ -28,11 +27,12 @@ namespace ringfence::nodes {
 /// user/collision deployment it also hosts the objects of its regions: it moves them and responds to their contacts.
 ///
 /// This class is the state machine of a frame; advance() lists its steps, and each part does those that its name says.
-/// A frame, in the order of its messages: frame_begin; move hosted objects batch by batch, report them to the server
-/// (node_state), publish them for user nodes (published), and send the other nodes what they need of them (ghost);
-/// receive the other objects of its region (M2) and the pairs to test, or sweep for them, and test them as they arrive;
-/// send the contacts (M3); answer the queries of the frame, if there are any; receive the contacts of hosted objects
-/// from the other nodes (M4); hand over objects that crossed a border (M5); frame_done.
+/// A frame, in the order of its messages, or of the words that replace them within a process: frame_begin; move hosted
+/// objects batch by batch, report them to the server (node_state), publish them for user nodes (published), and send
+/// the other nodes what they need of them (ghost); receive the other objects of its region (M2) and the pairs to test,
+/// or sweep for them, and test them as they arrive; send the contacts (M3); answer the queries of the frame, if there
+/// are any; receive the contacts of hosted objects from the other nodes (M4); hand over objects that crossed a border
+/// (M5); frame_done.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class CdNodeRole {
@@ -44,8 +44,7 @@ class CdNodeRole {
   /// Both set the node's slot and the other nodes, by slot: the connections to them with ExchangeKind::messages, what
   /// they share with ExchangeKind::shared. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
-  /// `arrivals`: by which the node wakes the server; null: each message wakes it.
-  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals = nullptr);
+  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes);
 
   CdNodeRole(const CdNodeRole&) = delete;
   CdNodeRole& operator=(const CdNodeRole&) = delete;
@@ -68,13 +67,13 @@ class CdNodeRole {
 
  private:
   Step step_once();
-  void wake_server(CdNodeStage before) noexcept;
+  bool follow(FrameControl::Announced announced);
   bool receive_from_server();
   bool receive_from_peers();
   PeerInbox::Verdict judge(const messages::MessageView& message) noexcept;
   void receive_from_peer(const messages::MessageView& message);
   void receive(const messages::MessageView& message);
-  void receive_end(const messages::FrameEndRecord& record);
+  void end_frame();
   void settle();
   void begin(std::uint64_t frame);
   void lose(const messages::LostRecord& record);
@@ -83,7 +82,7 @@ class CdNodeRole {
   bool advance();
   bool stops_here() noexcept;
   void detect();
-  bool send_frame_done();
+  bool report_done();
   std::uint64_t cpu_spent() const noexcept;
 
   NodeState state_;
@@ -96,8 +95,9 @@ class CdNodeRole {
   QueryAnswerer answerer_;
   PeerInbox inbox_;
   ExpectedMessages expected_;
-  messages::RunSender probe_reply_run_, frame_done_run_;
-  Arrivals* arrivals_ = nullptr;  ///< see assign()
+  messages::RunSender probe_reply_run_;
+  messages::FrameEndRecord end_;  ///< of the frame; all 0 if no message says otherwise
+  bool awaits_map_ = false;  ///< a peer is lost, and the map under which the frame is detected again has not arrived
   std::uint64_t invalid_messages_ = 0;
   std::uint64_t frames_ = 0;
   std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, ns

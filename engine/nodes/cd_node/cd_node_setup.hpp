@@ -10,6 +10,7 @@
 #include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
+#include "nodes/exchange/frame_control.hpp"
 #include "nodes/fault_point.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
@@ -42,6 +43,8 @@ struct CdNodeSetup {
   /// Object slots are below this number. Checked if the server is in another process.
   std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;
+  /// With ExchangeKind::shared: how the server controls the frames of all nodes; outlives the role.
+  FrameControl* frame_control = nullptr;
   /// With ExchangeKind::messages, by slot; the node's own entry and those of free slots are empty.
   std::vector<Connection> peers;
   /// With ExchangeKind::shared, by slot; null for free slots, and for all if the node is connected with none.

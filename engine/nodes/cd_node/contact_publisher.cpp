@@ -47,7 +47,6 @@ void ContactPublisher::list() {
   compare();
   contacts.for_peers.finish(state_.setup.slots());
   exchange_.begin_contacts();
-  done_run_.start(1);
 }
 
 // A pair is tested where its two bounds overlap. So if the bounds of one object touch only this node's region, its
@@ -92,10 +91,7 @@ void ContactPublisher::list_notified_hosts(std::uint32_t position) {
   }
 }
 
-bool ContactPublisher::send() {
-  return exchange_.send_contacts() &&
-         state_.send(done_run_, MessageType::narrow_done, [this](std::size_t) { return detector_.totals(); });
-}
+bool ContactPublisher::send() { return exchange_.send_contacts(detector_.totals()); }
 
 void ContactPublisher::unlist(const messages::MessageView& message) {
   const auto keys = state_.contacts.keys.span();

@@ -5,7 +5,6 @@
 #include "base/flat_list.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
-#include "messages/run.hpp"
 #include "nodes/cd_node/detector.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
@@ -26,7 +25,8 @@ class ContactPublisher {
 
   /// After Detector::finish(): lists the contacts, compares them with those of the frame before, and starts to send.
   void list();
-  /// Sends to the server what it cannot read, and `narrow_done`. Returns whether all is sent; if not, call it again.
+  /// Sends to the server what it cannot read, and reports that all pairs are tested. Returns whether all is sent; if
+  /// not, call it again.
   bool send();
   /// Applies an `unlist` message: these contacts are not in the list of contacts. Precondition: the node found them.
   void unlist(const messages::MessageView& message);
@@ -47,7 +47,6 @@ class ContactPublisher {
   const Detector& detector_;
   NodeExchange& exchange_;
   base::FlatList<std::uint32_t> begins_, unlisted_;  ///< scratch
-  messages::RunSender done_run_;
 };
 
 }  // namespace ringfence::nodes

@@ -214,11 +214,6 @@ void Detector::count_kinds() {
     }
   }
   narrow_.reset_counters();
-  kinds_run_.start(kinds_.size());
-}
-
-bool Detector::send_kinds() {
-  return state_.send(kinds_run_, MessageType::kinds, [this](std::size_t i) { return kinds_[i]; });
 }
 
 }  // namespace ringfence::nodes

@@ -10,7 +10,6 @@
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
-#include "messages/run.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/cd_node/node_state.hpp"
 
@@ -40,8 +39,8 @@ class Detector {
   void test_all();
   /// Then: sorts the hits and counts the tests by kinds of shapes.
   void finish();
-  /// Sends the counts (`kinds`). Returns whether all are sent; if not, call it again.
-  bool send_kinds();
+  /// Then: the tests by kinds of shapes, until the next finish().
+  std::span<const messages::KindRecord> kinds() const noexcept { return kinds_; }
 
   /// Hits in the order of detection, as indices into RegionObjects.
   std::span<const geometry::CandidatePair> hits() const noexcept { return hits_.span(); }
@@ -91,7 +90,6 @@ class Detector {
   std::uint64_t carried_ = 0;
   std::uint64_t failed_supports_ = 0;
   std::vector<messages::KindRecord> kinds_;
-  messages::RunSender kinds_run_;
 };
 
 }  // namespace ringfence::nodes

@@ -1,5 +1,7 @@
 #include "nodes/cd_node/halo_exchange.hpp"
 
+#include <bit>
+
 namespace ringfence::nodes {
 
 HaloExchange::HaloExchange(NodeState& state) : state_(state) {
@@ -78,7 +80,7 @@ void HaloExchange::receive_positions(const messages::MessageView& message) {
     const auto& record = message.view<messages::PositionRecord>(i);
     apply_position(record, (record.object.flags & messages::flag_left_region) != 0);
   }
-  state_.received.positions |= message.last();
+  state_.received.positions |= message.last() && !state_.shares_memory();
 }
 
 void HaloExchange::apply_position(const messages::PositionRecord& record, bool gone) {
@@ -123,10 +125,13 @@ NextHost HaloExchange::next_host(const messages::PositionRecord& record) const n
 
 // After a change of the map every node receives all objects in its region again: from the server, or from their hosts.
 void HaloExchange::receive_map(const messages::MessageView& message) {
-  if (state_.region.receive(message)) {
-    state_.objects.clear();
-    state_.host.list_all(false);
+  if (state_.shares_memory()) {
+    state_.region.take(*std::bit_cast<const regions::RegionMap*>(message.record<messages::OwnerRecord>(0)));
+  } else if (!state_.region.receive(message)) {
+    return;
   }
+  state_.objects.clear();
+  state_.host.list_all(false);
 }
 
 }  // namespace ringfence::nodes

@@ -17,7 +17,7 @@ Migration::Migration(NodeState& state, NodeExchange& exchange) : state_(state), 
 void Migration::begin() noexcept {
   leaving_.clear();
   listed_ = false;
-  received_ = 0;
+  expected_ = received_ = 0;
   received_from_.clear();
   std::fill(lost_.begin(), lost_.end(), std::uint8_t{0});
 }

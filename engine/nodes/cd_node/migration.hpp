@@ -44,8 +44,8 @@ class Migration {
   void receive(NodeNumber sender, const HandOverList& list);
   /// Takes over the objects that other nodes have listed so far.
   void receive_listed() { exchange_.receive_hand_overs(*this); }
-  /// The number of objects that this node receives in this frame, from `frame_end`.
-  void expect(std::uint64_t objects) noexcept { expected_ = objects; }
+  /// The number of objects that this node receives in this frame, from `frame_end`. lose() may come before it.
+  void expect(std::uint64_t objects) noexcept { expected_ += objects; }
   bool is_complete() const noexcept { return received_ >= expected_; }
 
   /// A peer is lost. If the record does not request to detect the frame again, its hand-overs are cancelled.

@@ -162,7 +162,7 @@ void Mover::publish() {
                             return present ? Publication::Written::state : Publication::Written::nothing;
                           });
   note_published(own.published, state_.frame);
-  published_run_.start(0);
+  exchange_.report_published();
 }
 
 }  // namespace ringfence::nodes

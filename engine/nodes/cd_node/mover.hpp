@@ -6,7 +6,6 @@
 #include <span>
 
 #include "geometry/bounds.hpp"
-#include "messages/run.hpp"
 #include "nodes/cd_node/halo_exchange.hpp"
 #include "nodes/cd_node/migration.hpp"
 #include "nodes/cd_node/node_state.hpp"
@@ -34,8 +33,6 @@ class Mover {
   /// Publishes the hosted objects, if the server wants it, while it receives the states of the other nodes. The poses
   /// are final, because they have been reported.
   void publish();
-  /// Sends `published` after publish(). Returns whether nothing is left to send.
-  bool send_published() { return state_.send_empty(published_run_, messages::MessageType::published); }
 
  private:
   /// An object of the batch, before its entry in RegionObjects is replaced.
@@ -65,7 +62,6 @@ class Mover {
   const bool keeps_;                                      ///< objects are host-owned
   bool done_ = true;
   bool publishes_ = false;  ///< in this frame
-  messages::RunSender published_run_;
 };
 
 }  // namespace ringfence::nodes

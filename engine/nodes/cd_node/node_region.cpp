@@ -58,4 +58,10 @@ bool NodeRegion::receive(const messages::MessageView& message) {
   return true;
 }
 
+void NodeRegion::take(const regions::RegionMap& map) {
+  map_ = map;
+  find_boxes();
+  fits_ = changed_ = true;
+}
+
 }  // namespace ringfence::nodes

@@ -43,6 +43,8 @@ class NodeRegion {
   bool is_acceptable(const messages::MessageView& message) const;
   /// Adds the entries of a `region_map` message. Returns true if the new map is complete; it is then the map.
   bool receive(const messages::MessageView& message);
+  /// Takes a new map whose tables it shares.
+  void take(const regions::RegionMap& map);
   /// Discards what has arrived of an incomplete map.
   void discard_entries() noexcept { entries_.clear(); }
   bool is_changed() const noexcept { return changed_; }

@@ -67,6 +67,8 @@ struct NodeState {
   void begin(std::uint64_t new_frame) noexcept;
   /// All that the detection reads arrives again: positions, and pairs if the server sends them.
   void await_positions() noexcept;
+  /// Whether the node shares memory with the server and the other nodes; then words say when runs end (FrameControl).
+  bool shares_memory() const noexcept { return setup.exchange == ExchangeKind::shared; }
   /// Whether objects are host-owned: their hosts, not the server, give the other nodes their positions.
   bool keeps_host_owned() const noexcept { return setup.hosts && setup.placement == Placement::region; }
   /// Whether the node's model reads the output lists of the frame before: those of the only node are its contacts. A

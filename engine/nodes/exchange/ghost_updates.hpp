@@ -21,8 +21,8 @@ namespace ringfence::nodes {
 ///
 /// Threads: one writer, the CD node that hosts the objects. It fills the updates of a frame before it reports to the
 /// server that it has moved everything, and does not change them until the next `frame_begin`. The other nodes read the
-/// updates after the server has sent them the last position_update of the frame. Each reads them while it is inside its
-/// own gate. Memory: grows to the largest frame.
+/// updates after the server has announced that all positions of the frame are sent. Each reads them while it is inside
+/// its own gate. Memory: grows to the largest frame.
 class GhostUpdates {
  public:
   /// One update for one node. The record lives until the next start().

@@ -12,6 +12,7 @@
 #include "geometry/vector.hpp"
 #include "link/doorbell.hpp"
 #include "narrow_phase/narrow_phase.hpp"
+#include "nodes/exchange/frame_control.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
 #include "nodes/exchange/hand_over_list.hpp"
 #include "nodes/exchange/host_owned_states.hpp"
@@ -71,10 +72,10 @@ struct BorderContact {
 /// A contact has 120 bytes, half of them values of two bodies that the node holds anyway. So it is assembled only
 /// where it is read: by the node's own motion model, or in the embedder's list.
 ///
-/// Threads: one writer at a time, ordered by messages. The node writes its part before `narrow_done` and does not
-/// change it until the next `frame_begin`. The server reads it after `narrow_done`, unlists contacts of it and writes
-/// its own part before `frame_end`. Then all nodes that pass their gates read the contacts of all nodes until each has
-/// sent `frame_done`.
+/// Threads: one writer at a time, ordered by the words of FrameControl. The node writes its part before it reports
+/// `tested` and does not change it until the next `frame_begin`. The server reads it after `tested`, unlists contacts
+/// of it and writes its own part before `frame_end`. Then all nodes that pass their gates read the contacts of all
+/// nodes until each has reported `done`.
 struct NodeContacts {
   /// Also the frame before frame 0, which has no contacts.
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
@@ -130,9 +131,11 @@ struct NodeContacts {
   /// Of the node's thread, which other nodes ring after hand-overs that it waits for; null: no thread sleeps. Set once.
   link::Doorbell* bell = nullptr;
 
-  // Written by the node before `frame_done`.
+  // Written by the node before it reports `done`.
   alignas(64) std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
   std::uint64_t taken = 0;                   ///< contacts read from the other nodes
+
+  StepReport report;  ///< see StepReport for its rules
 
   /// By the node: clears its part for the frame. The contacts of the frame before are kept, also if a frame is started
   /// twice.

@@ -16,8 +16,8 @@ namespace ringfence::nodes {
 /// Threads: the server and the node.
 class ReadGate {
  public:
-  /// By the server, before it sends the message that starts the step: the node may enter once. Relaxed, because the
-  /// node enters after it has received that message.
+  /// By the server, before it announces the step: the node may enter once. Relaxed, because the node enters after it
+  /// has read the announcement.
   void admit() noexcept { state_.store(open, std::memory_order_relaxed); }
   /// By the node: whether it may read shared data. If true, it calls leave() when it has finished.
   bool enter() noexcept {

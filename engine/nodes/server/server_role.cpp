@@ -16,7 +16,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       states_(state_, *exchange_),
       dispatch_(state_),
       scheduler_(state_, *exchange_, states_),
-      cut_(state_, states_, scheduler_, dispatch_),
+      cut_(state_, *exchange_, states_, scheduler_, dispatch_),
       relay_(state_, *exchange_),
       ingest_(state_, *exchange_, states_, statistics_),
       router_(state_, *exchange_, states_, relay_, statistics_),
@@ -106,8 +106,10 @@ void ServerRole::cut() {
   }
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
+  ingest_.begin();
   failover_.begin();
   deadlines_.begin();
+  exchange_->expect_nodes();
   cut_.start_nodes();
   state_.stage = FrameStage::starting_nodes;
 }
@@ -119,7 +121,7 @@ void ServerRole::detect() {
     states_.store_all();
   }
   exchange_->begin_ghosts(!all_objects && state_.setup.placement == Placement::region);
-  dispatch_.start(std::exchange(state_.map_change.updates, UpdateScope::changes));
+  dispatch_.start(std::exchange(state_.map_change.updates, UpdateScope::changes), *exchange_);
 }
 
 // Makes one transition of the frame; false if it has to wait.
@@ -130,12 +132,13 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.all_nodes_woken([&](PeerSession& node) {
+      if (!state_.send_to_nodes([&](PeerSession& node) {
             return exchange_->send_queries(node) && exchange_->send_sensed(node) && cut_.open(node) &&
-                   (state_.is_waking() || Statistics::note_reached(node.started));
+                   (state_.wakes_together() || Statistics::note_reached(node.started));
           })) {
         return false;
       }
+      exchange_->announce(AnnouncedStep::frame_begin, &PeerSession::started);
       statistics_.charge_cpu(&PathReport::start_nodes_ms);
       statistics_.charge_reached(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
       cut_.start_users();
@@ -153,8 +156,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::moving;
       return true;
     case FrameStage::moving:
-      if (!state_.all_nodes([](const PeerSession& node) { return node.received.states; }) ||
-          state_.awaited_users != 0) {
+      if (!ingest_.all_nodes(ReportedStep::moved) || state_.awaited_users != 0) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::ingest_ms);
@@ -162,7 +164,12 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::dispatching;
       return true;
     case FrameStage::dispatching:
-      if (!state_.all_nodes([&](PeerSession& node) { return exchange_->send_ghosts(node); }) || !dispatch_.pump()) {
+      if (!state_.send_to_nodes(
+              [&](PeerSession& node) { return exchange_->send_ghosts(node) && dispatch_.send_updates(node); })) {
+        return false;
+      }
+      exchange_->announce(AnnouncedStep::positions_sent);
+      if (!dispatch_.send_pairs()) {
         return false;
       }
       if (state_.setup.placement == Placement::server) {
@@ -179,7 +186,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::colliding;
       return true;
     case FrameStage::colliding:
-      if (relay_.is_ready()) {
+      if (relay_.is_ready([this] { return ingest_.all_nodes(ReportedStep::published); })) {
         statistics_.charge(Stage::narrow_phase);
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
@@ -189,8 +196,7 @@ bool ServerRole::advance_stage() {
         }
       }
       // A user thread publishes after the last states of its user nodes, so on a busy machine the nodes may be faster.
-      if (!relay_.allows_reading() ||
-          !state_.all_nodes([](const PeerSession& node) { return node.received.narrow_done; })) {
+      if (!relay_.allows_reading() || !ingest_.all_nodes(ReportedStep::tested)) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_contacts_ms);
@@ -205,11 +211,12 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::notifying;
       return true;
     case FrameStage::notifying:
-      if (!state_.all_nodes_woken([&](PeerSession& node) {
-            return router_.notify(node) && (state_.is_waking() || Statistics::note_reached(node.notified));
+      if (!state_.send_to_nodes([&](PeerSession& node) {
+            return router_.notify(node) && (state_.wakes_together() || Statistics::note_reached(node.notified));
           })) {
         return false;
       }
+      exchange_->announce(AnnouncedStep::frame_end, &PeerSession::notified);
       statistics_.charge_cpu(&PathReport::notify_ms);
       statistics_.charge_reached(state_.report().path.notify_ms, state_.notify_ns, &PeerSession::notified);
       router_.start_users();
@@ -227,7 +234,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!state_.all_nodes_done() || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
+      if (!ingest_.all_nodes(ReportedStep::done) || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
           !state_.ledger.complete()) {
         return false;
       }
@@ -239,6 +246,7 @@ bool ServerRole::advance_stage() {
 
 void ServerRole::finish() {
   router_.count_contacts();
+  exchange_->finish();
   scheduler_.finish();
   statistics_.finish(states_.moved());
   state_.stage = FrameStage::waiting;

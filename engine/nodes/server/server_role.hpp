@@ -55,12 +55,9 @@ class ServerRole {
   void restore(std::span<const RestoredObject> objects, std::size_t state_bytes, std::span<Contact> contacts);
 
   // Between frames, for the facade.
-  /// Sets what wakes the threads of all CD nodes at once, and how they wake the server; null: each message wakes its
-  /// receiver. While no thread steps the role.
-  void set_wake_ups(std::shared_ptr<link::WakeTree> tree, Arrivals* arrivals) noexcept {
-    state_.wake_tree = std::move(tree);
-    state_.arrivals = arrivals;
-  }
+  /// Sets what wakes the threads of all CD nodes at once; null: each node is woken by itself. While no thread steps the
+  /// role.
+  void set_wake_tree(std::shared_ptr<link::WakeTree> tree) noexcept { state_.wake_tree = std::move(tree); }
   /// Whether the CD node in the slot has handed everything over, as Request::retire_node asked, so that the slot is
   /// free at the next cut. If a node is lost in the same frame, the request may have no effect.
   bool has_left(NodeNumber node) const noexcept { return node < state_.nodes.size() && state_.nodes[node].left; }
@@ -94,7 +91,10 @@ class ServerRole {
   /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.
   bool has_abandoned_nodes() const noexcept { return deadlines_.has_abandoned_nodes(); }
   /// Precondition: the threads of all lost nodes have ended.
-  void free_abandoned() noexcept { state_.ledger.free_abandoned(); }
+  void free_abandoned() noexcept {
+    state_.ledger.free_abandoned();
+    exchange_->free_abandoned();
+  }
   const FrameReport& report(std::uint64_t frame) const noexcept { return state_.reports[frame & 1]; }
 
  private:

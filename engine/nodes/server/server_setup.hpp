@@ -12,6 +12,7 @@
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
 #include "messages/records.hpp"
+#include "nodes/exchange/frame_control.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/role.hpp"
 #include "nodes/server/request.hpp"
@@ -59,6 +60,7 @@ struct ServerSetup {
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
   ExchangeKind exchange = ExchangeKind::messages;
+  FrameControl* frame_control = nullptr;  ///< with ExchangeKind::shared, the same as that of the nodes
   std::array<std::uint32_t, 32> layer_masks{};
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;

@@ -10,7 +10,6 @@
 #include "base/prefetch.hpp"
 #include "link/wake_tree.hpp"
 #include "messages/run.hpp"
-#include "nodes/exchange/arrivals.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contacts/contact_ledger.hpp"
 #include "nodes/server/objects/object_table.hpp"
@@ -98,7 +97,6 @@ struct ServerState {
   ModelFailures model_failures;  ///< of the frame, for objects that were spawned or that the server moved
   /// Wakes the threads of all CD nodes; null if there are few of them, or not each node has a thread.
   std::shared_ptr<link::WakeTree> wake_tree;
-  Arrivals* arrivals = nullptr;  ///< which nodes have sent something; null: each message wakes the server
   FrameStage woken_stage = FrameStage::waiting;  ///< the last one that has woken them
   double rings_ms = 0;                           ///< CPU time of the server's rings in it
 
@@ -195,15 +193,15 @@ struct ServerState {
     }
     return endpoint.is_user() && users[endpoint.number()].connected ? &users[endpoint.number()] : nullptr;
   }
-  /// all_nodes() for a step that sends each node the messages that it waits for. If there are many nodes, none is woken
-  /// by its own message: when all messages are written, the nodes wake each other (link::WakeTree).
+  /// all_nodes() for a step that sends each node the messages that it waits for; ServerExchange::announce() follows. If
+  /// there are many nodes, none is woken by its own message: when all messages are written, the nodes wake each other
+  /// (link::WakeTree).
   template <class Done>
-  bool all_nodes_woken(Done done) {
-    // A lost node may not pass on. What remains to be sent wakes its receiver as usual.
-    if (wake_tree == nullptr || !reports[frame & 1].lost.empty() || woken_stage == stage) {
+  bool send_to_nodes(Done done) {
+    // What remains to be sent wakes its receiver as usual.
+    if (!wakes_together() || is_waking()) {
       return all_nodes(done);
     }
-    woken_stage = stage;
     constexpr std::size_t ahead = 4;
     const bool all = all_nodes([&](PeerSession& node) {
       const auto left = static_cast<std::size_t>(nodes.data() + nodes.size() - &node);
@@ -214,10 +212,19 @@ struct ServerState {
       node.connection.out->set_quiet(false);
       return node_done;
     });
+    if (!all) {
+      wake_nodes();  // those whose rings are full have to read
+    }
+    return all;
+  }
+  /// Whether all nodes are woken at once. A lost node may not pass on.
+  bool wakes_together() const noexcept { return wake_tree != nullptr && reports[frame & 1].lost.empty(); }
+  /// Precondition: wakes_together().
+  void wake_nodes() noexcept {
+    woken_stage = stage;
     const std::uint64_t start_ns = telemetry::thread_cpu_ns();
     wake_tree->wake();
     rings_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - start_ns);
-    return all;
   }
   /// Whether this stage has woken all nodes at once.
   bool is_waking() const noexcept { return wake_tree != nullptr && woken_stage == stage; }
@@ -253,11 +260,6 @@ struct ServerState {
   template <class RecordAt>
   bool send(PeerSession& session, messages::RunSender& run, messages::MessageType type, RecordAt record_at) {
     return run.send(*session.connection.out, head(type, session.self), report().traffic, record_at);
-  }
-  /// The same for the region map.
-  bool send_map(PeerSession& session, messages::RunSender& run) {
-    return send(session, run, messages::MessageType::region_map,
-                [this](std::size_t i) { return messages::OwnerRecord{map.table()[i]}; });
   }
   /// The same for a run without records.
   bool send_empty(PeerSession& session, messages::RunSender& run, messages::MessageType type) {

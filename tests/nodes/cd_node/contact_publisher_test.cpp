@@ -59,16 +59,16 @@ TEST_CASE("a node without shared memory sends its contacts, then those that bega
   CHECK(sent[1].record<messages::ChangeRecord>(0).flags == messages::change_ended);
 }
 
-TEST_CASE("a node that shares memory sends only that it is done") {
+TEST_CASE("a node that shares memory sends no contacts, and reports its totals") {
   NodeFixture fixture;
   Publishing node(fixture);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
   node.list(1);
   CHECK(node.publisher.send());
-  const auto sent = fixture.sent_to_server();
-  REQUIRE(sent.size() == 1);
-  CHECK(sent[0].type() == MessageType::narrow_done);
+  CHECK(fixture.sent_to_server().empty());
+  CHECK(node.state.contacts.report.reached.load().step() == ReportedStep::tested);
+  CHECK(node.state.contacts.report.totals.contacts == 1);
   CHECK(node.state.contacts.keys.size() == 1);
 }
 

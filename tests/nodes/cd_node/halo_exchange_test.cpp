@@ -1,5 +1,7 @@
 #include "nodes/cd_node/halo_exchange.hpp"
 
+#include <bit>
+
 #include <doctest/doctest.h>
 
 #include "nodes/cd_node/node_fixture.hpp"
@@ -63,13 +65,13 @@ TEST_CASE("the next host of an object follows from its position and flags") {
   CHECK(next_of(5) == NextHost::node);
   CHECK(objects.inner(objects.find(3)));
   CHECK(!objects.inner(objects.find(4)));
-  CHECK(fixture.state().received.positions);
+  CHECK(!fixture.state().received.positions);  // a word says that no more follow
   fixture.know(3, {14, 10, 10}, messages::flag_left_region);
   CHECK(objects.find(3) == RegionObjects::none);
 }
 
 TEST_CASE("after a new map nothing is known of the region, and hosts that exchange objects list all of them") {
-  NodeFixture fixture;
+  NodeFixture fixture({.shares_memory = false});
   NodeState& state = fixture.state();
   HaloExchange halo(state);
   fixture.know(1, {10, 10, 10});
@@ -85,6 +87,21 @@ TEST_CASE("after a new map nothing is known of the region, and hosts that exchan
   state.host.list_all(true);  // as frame_end requests
   state.host.move(2);
   CHECK(state.host.changed().size() == 1);
+}
+
+TEST_CASE("a node that shares memory copies the map of which it receives the address") {
+  NodeFixture fixture;
+  NodeState& state = fixture.state();
+  HaloExchange halo(state);
+  fixture.know(1, {10, 10, 10});
+  regions::RegionMap map = state.region.map();
+  map.assign(std::vector<std::uint32_t>(64, 0), 2, map.epoch() + 1);
+  const regions::RegionMap* const address = &map;
+  halo.receive_map(fixture.message(MessageType::region_map, std::bit_cast<messages::OwnerRecord>(address)));
+  CHECK(state.objects.size() == 0);
+  CHECK(state.region.contains({60, 10, 10}));
+  CHECK(state.region.map().epoch() == map.epoch());
+  CHECK(state.region.map().table().data() == map.table().data());
 }
 
 }  // namespace

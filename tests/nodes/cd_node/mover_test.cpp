@@ -137,10 +137,10 @@ TEST_CASE("hosted objects are published if the server wants it") {
     fixture.host(3, {10, 10, 10});
     moving.run(1);
     moving.mover.publish();
-    CHECK(moving.mover.send_published());
     CHECK(fixture.publication().published.any[1] == wanted);
-    const auto sent = fixture.sent_to_server();
-    CHECK((sent.back().type() == MessageType::published) == wanted);
+    const FrameMark<ReportedStep> reached = fixture.state().contacts.report.reached.load();
+    CHECK(reached.is_of(1));
+    CHECK(reached.step() == (wanted ? ReportedStep::published : ReportedStep::moved));
   }
 }
 

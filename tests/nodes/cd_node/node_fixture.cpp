@@ -26,6 +26,7 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.model = &model_;
   setup.placement = config.placement;
   setup.exchange = config.shares_memory ? ExchangeKind::shared : ExchangeKind::messages;
+  setup.frame_control = config.shares_memory ? &frame_control_ : nullptr;
   setup.layer_masks.fill(~0u);
   setup.objects = setup.pairs = 16;
   setup.server.out = &to_server_.sender();

@@ -42,6 +42,7 @@ class NodeFixture {
   /// What the other node shares.
   NodeContacts& peer() { return peer_contacts_; }
   HostPublication& publication() { return publication_; }
+  FrameControl& frame_control() { return frame_control_; }
   const geometry::FixedSpace& space() const { return space_; }
   geometry::Bounds bounds(const Vec3d& position) const;
 
@@ -79,6 +80,7 @@ class NodeFixture {
   regions::CellGrid grid_{{2, 2, 2}};
   ShiftModel model_;
   link::Channel to_server_, to_peer_;
+  FrameControl frame_control_;
   NodeContacts contacts_, peer_contacts_;
   HostPublication publication_;
   std::list<std::vector<std::uint64_t>> messages_;

@@ -18,6 +18,7 @@ ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), rel
   setup.deployment = config.deployment;
   setup.placement = config.placement;
   setup.exchange = config.shares_memory ? ExchangeKind::shared : ExchangeKind::messages;
+  setup.frame_control = config.shares_memory ? &frame_control_ : nullptr;
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = config.interest;
@@ -108,6 +109,14 @@ void ServerFixture::send(Endpoint from, MessageType type, std::size_t record_byt
   std::copy(records.begin(), records.end(), room.begin() + sizeof(messages::Header));
   sender.commit(room.size());
   sender.publish();
+  if (config_.shares_memory && from.is_node()) {
+    frame_control_.note_messages(from.number());
+  }
+}
+
+void ServerFixture::report(NodeNumber node, ReportedStep step) {
+  node_contacts(node).report.reached.store({state_->frame, state_->map.epoch(), step});
+  frame_control_.arrive(node, step);
 }
 
 }  // namespace ringfence::nodes::test

@@ -61,6 +61,7 @@ class ServerFixture {
   /// The end of a new connection that a server would hold.
   Connection connection(Endpoint peer);
   /// What a CD node of this process shares; valid with shares_memory.
+  FrameControl& frame_control() { return frame_control_; }
   NodeContacts& node_contacts(NodeNumber node) { return peers_.at(Endpoint::node(node).value)->node_contacts; }
   HostPublication& publication(NodeNumber node) { return *peers_.at(Endpoint::node(node).value)->publication; }
   /// The objects that a CD node of this process hosts.
@@ -73,6 +74,8 @@ class ServerFixture {
   std::uint32_t add(const Vec3d& position, Endpoint host, Category category = Category::active, UserNumber user = 0);
   /// Takes the messages that were sent to a peer since the last call.
   std::vector<SentMessage> sent_to(Endpoint peer);
+  /// A CD node of this process reports a step, with what its NodeContacts::report has.
+  void report(NodeNumber node, ReportedStep step);
   /// Leaves no room for messages to a peer, until sent_to() is called.
   void fill(Endpoint peer);
   /// Sends a message from a peer, the last of its run.
@@ -110,6 +113,7 @@ class ServerFixture {
   Publications publications_;
   Publication relay_;
   FrameOrder order_;
+  FrameControl frame_control_;
   std::map<std::uint32_t, std::unique_ptr<Peer>> peers_;  ///< by Endpoint::value
   std::unique_ptr<ServerState> state_;
   std::unique_ptr<ServerExchange> exchange_;

@@ -77,7 +77,7 @@ void MessageExchange::begin() {
   state_.contacts.queries.queries =
       queried ? std::span<const messages::QueryRecord>(queries_) : std::span<const messages::QueryRecord>();
   state_.contacts.sensed = sensed_frame_ == state_.frame ? frame_before_.get() : nullptr;
-  hits_started_ = false;
+  hits_started_ = done_started_ = false;
   next_owned_ = 0;
   replicas_run_.start();
   ghosts_listed_ = false;
@@ -175,6 +175,7 @@ void MessageExchange::begin_contacts() {
   contacts_arrived_ = contacts_expected_ = 0;
   contact_counts_run_.stop();
   change_run_.stop();
+  narrow_done_run_.start(1);
   for (NodeNumber to = 0; to < peers_.size(); ++to) {
     peers_[to].contacts_run.stop();
     peers_[to].contacts_arrived = 0;
@@ -193,10 +194,11 @@ void MessageExchange::begin_contacts() {
   }
 }
 
-bool MessageExchange::send_contacts() {
+bool MessageExchange::send_contacts(const messages::NarrowDoneRecord& totals) {
   return send_collisions() && state_.send(change_run_, MessageType::change, [&](std::size_t i) { return change(i); }) &&
          state_.send(contact_counts_run_, MessageType::contact_counts,
-                     [&](std::size_t i) { return contact_counts_[i]; });
+                     [&](std::size_t i) { return contact_counts_[i]; }) &&
+         state_.send(narrow_done_run_, MessageType::narrow_done, [&](std::size_t) { return totals; });
 }
 
 bool MessageExchange::send_collisions() {
@@ -320,6 +322,15 @@ bool MessageExchange::complete_contacts() {
   }
   received_.clear();
   return true;
+}
+
+bool MessageExchange::report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) {
+  if (!std::exchange(done_started_, true)) {
+    kinds_run_.start(kinds.size());
+    done_run_.start(1);
+  }
+  return state_.send(kinds_run_, MessageType::kinds, [&](std::size_t i) { return kinds[i]; }) &&
+         state_.send(done_run_, MessageType::frame_done, [&](std::size_t) { return stats; });
 }
 
 }  // namespace ringfence::nodes

@@ -45,7 +45,7 @@ class MessageExchange final : public NodeExchange {
   }
   void discard_ghosts() noexcept override;
   void begin_contacts() override;
-  bool send_contacts() override;
+  bool send_contacts(const messages::NarrowDoneRecord& totals) override;
   void share_contacts() override;
   bool send_to_peers() override;
   void expect_contacts(std::uint64_t contacts) noexcept override { contacts_expected_ = contacts; }
@@ -54,6 +54,7 @@ class MessageExchange final : public NodeExchange {
   bool send_hand_overs() override;
   void lose(const messages::LostRecord& record) noexcept override;
   bool complete_contacts() override;
+  bool report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) override;
 
  private:
   /// What is sent to another node, and received from it.
@@ -81,11 +82,12 @@ class MessageExchange final : public NodeExchange {
   std::unique_ptr<queries::RecordedFrame> frame_before_;  ///< made of sensed_; null if nothing was sensed so far
   messages::RunSender hits_run_;
   bool hits_started_ = false;  ///< in this frame
+  bool done_started_ = false;  ///< the same: report_done() was called
   std::vector<Peer> peers_;    ///< by slot
   messages::RunWriter replicas_run_, collisions_run_;
   std::size_t next_owned_ = 0, next_contact_ = 0;  ///< next to send
   std::vector<messages::CountRecord> ghost_counts_, contact_counts_;
-  messages::RunSender ghost_counts_run_, contact_counts_run_, change_run_;
+  messages::RunSender ghost_counts_run_, contact_counts_run_, change_run_, narrow_done_run_, kinds_run_, done_run_;
   bool ghosts_listed_ = false;          ///< in this frame
   const PeerLists* leaving_ = nullptr;  ///< objects that are handed over, by number
   std::vector<Contact> received_;       ///< from other nodes, in the order of arrival

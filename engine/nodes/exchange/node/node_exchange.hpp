@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "base/flat_list.hpp"
 #include "geometry/bounds.hpp"
@@ -11,6 +12,7 @@
 #include "messages/run.hpp"
 #include "nodes/cd_node/halo_exchange.hpp"
 #include "nodes/cd_node/node_state.hpp"
+#include "nodes/exchange/frame_control.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 
 namespace ringfence::nodes {
@@ -40,6 +42,14 @@ class NodeExchange {
   virtual bool trusts_senders() const noexcept = 0;
   /// Publishes partial messages, so that another message can be sent to the server.
   virtual void flush();
+  /// After each step of the role: the server shall read the messages that were published in it.
+  virtual void finish_step() {}
+
+  // Control of the frame, within a process by FrameControl. Otherwise messages say the same.
+  /// What the server has announced last. Call it before the messages of the server are read.
+  virtual FrameControl::Announced announced() const noexcept { return {}; }
+  /// The frame of the last announcement.
+  virtual std::uint64_t announced_frame() const noexcept { return 0; }
 
   // Queries, to and from NodeContacts::queries.
   /// A `query` message of the server, before the frame to which the queries belong.
@@ -67,6 +77,8 @@ class NodeExchange {
   virtual bool report_batch() = 0;
   /// After the last batch, when GhostUpdates has all updates: ends the report.
   virtual bool finish_report() = 0;
+  /// The publication of what the node hosts can be read. Only where users read it in place.
+  virtual void report_published() noexcept {}
 
   // Ghost updates, from NodeContacts::ghost_updates to the HaloExchange of the other nodes.
   virtual bool send_ghosts() { return true; }
@@ -85,8 +97,8 @@ class NodeExchange {
   // Contacts, from NodeContacts.
   /// The contacts of the frame are listed. What arrived in this frame before is void, because it is detected again.
   virtual void begin_contacts() {}
-  /// Sends to the server what it cannot read.
-  virtual bool send_contacts() { return true; }
+  /// Sends to the server what it cannot read, and reports that all pairs are tested.
+  virtual bool send_contacts(const messages::NarrowDoneRecord& totals) = 0;
   /// After `frame_end`, when the list of contacts and the phases are final: contacts of objects that other nodes host
   /// go to these, those of hosted objects come from them, and those for the output lists go there.
   virtual void share_contacts() = 0;
@@ -115,6 +127,10 @@ class NodeExchange {
   virtual void lose(const messages::LostRecord&) noexcept {}
   /// When all contacts of other nodes have arrived: adds them to Host.
   virtual bool complete_contacts() { return true; }
+
+  /// The node has completed the frame: reports its statistics and its tests by kinds of shapes. `kinds` stays valid
+  /// until the next frame begins. If it returns false, it takes the values of the next call.
+  virtual bool report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) = 0;
 
  protected:
   /// A state for the server.

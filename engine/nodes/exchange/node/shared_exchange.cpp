@@ -7,7 +7,9 @@
 namespace ringfence::nodes {
 
 SharedExchange::SharedExchange(NodeState& state)
-    : NodeExchange(state), keeps_states_(state.keeps_host_owned() && state.setup.may_be_lost) {
+    : NodeExchange(state),
+      frame_control_(*state.setup.frame_control),
+      keeps_states_(state.keeps_host_owned() && state.setup.may_be_lost) {
   scratch_.reserve(state.setup.objects);
   if (state.setup.hosts) {
     state.contacts.hand_overs.reserve(state.setup.objects / 8 + 64, state.host.state_bytes());
@@ -15,6 +17,36 @@ SharedExchange::SharedExchange(NodeState& state)
   if (keeps_states_) {
     state.contacts.host_states.reserve(state.setup.objects, state.host.state_bytes());
   }
+}
+
+void SharedExchange::assign() { state_.setup.server.out->set_quiet(true); }
+
+void SharedExchange::finish_step() {
+  if (note_messages()) {
+    frame_control_.wake_server();
+  }
+}
+
+// The server reads only the rings of nodes that have noted messages.
+bool SharedExchange::note_messages() noexcept {
+  const bool any = state_.setup.server.out->take_unrung();
+  if (any) {
+    frame_control_.note_messages(state_.setup.node);
+  }
+  return any;
+}
+
+FrameControl::Announced SharedExchange::announced() const noexcept {
+  const FrameControl::Announced announced = frame_control_.announced();
+  // After the load: what was announced before the node was lost concerns it, and what was announced after does not.
+  return state_.contacts.report.dismissed.load(std::memory_order_relaxed) ? FrameControl::Announced() : announced;
+}
+
+void SharedExchange::reach(ReportedStep step) noexcept {
+  note_messages();
+  // Pairs with the load in ReportReader: what the node has written for this step is visible.
+  state_.contacts.report.reached.store({state_.frame, state_.region.map().epoch(), step}, std::memory_order_release);
+  frame_control_.arrive(state_.setup.node, step);
 }
 
 void SharedExchange::begin() {
@@ -29,7 +61,12 @@ bool SharedExchange::report_batch() {
     state_.contacts.host_states.add(state_.frame, object.object, object.pose, state_.host.state(owned_[i]));
   }
   owned_.clear();
-  return send_changes();
+  const bool sent = send_changes();
+  note_messages();
+  if (!sent) {
+    frame_control_.wake_server();  // it has to make room
+  }
+  return sent;
 }
 
 bool SharedExchange::finish_report() {
@@ -37,7 +74,9 @@ bool SharedExchange::finish_report() {
   GhostUpdates& updates = state_.contacts.ghost_updates;
   updates.finish(state_.setup.slots());
   updates.each_receiver([this](NodeNumber to) { add_to_senders(&NodeContacts::ghost_senders, to); });
-  return finish_changes();
+  flush();
+  reach(ReportedStep::moved);
+  return true;
 }
 
 // A slot without a node owns nothing, so nothing is listed for it, unless a map still names it.
@@ -68,6 +107,12 @@ bool SharedExchange::receive_ghosts(HaloExchange& halo) {
 
 void SharedExchange::begin_contacts() {
   state_.contacts.for_peers.each_peer([this](NodeNumber to) { add_to_senders(&NodeContacts::contact_senders, to); });
+}
+
+bool SharedExchange::send_contacts(const messages::NarrowDoneRecord& totals) {
+  state_.contacts.report.totals = totals;
+  reach(ReportedStep::tested);
+  return true;
 }
 
 void SharedExchange::share_contacts() {
@@ -164,6 +209,13 @@ void SharedExchange::receive_hand_overs(Migration& migration) {
     }
   });
   migration.is_complete() ? gate.leave() : gate.pause();
+}
+
+bool SharedExchange::report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) {
+  state_.contacts.report.kinds = kinds;
+  state_.contacts.report.stats = stats;
+  reach(ReportedStep::done);
+  return true;
 }
 
 }  // namespace ringfence::nodes

@@ -7,6 +7,18 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
+bool MessageServerExchange::send_map(PeerSession& node, messages::RunSender& run) {
+  return state_.send(node, run, MessageType::region_map,
+                     [this](std::size_t i) { return messages::OwnerRecord{state_.map.table()[i]}; });
+}
+
+// The messages themselves say it; where they wake no node, the nodes are woken together.
+void MessageServerExchange::announce(AnnouncedStep, PeerSession::Reached PeerSession::*) {
+  if (state_.wakes_together() && !state_.is_waking()) {
+    state_.wake_nodes();
+  }
+}
+
 void MessageServerExchange::begin() {
   ghosts_.start(state_.nodes.size());
   contacts_.start(state_.nodes.size());

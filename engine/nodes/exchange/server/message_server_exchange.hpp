@@ -16,6 +16,8 @@ class MessageServerExchange final : public ServerExchange {
  public:
   explicit MessageServerExchange(ServerState& state) : ServerExchange(state, false) { MessageServerExchange::begin(); }
 
+  bool send_map(PeerSession& node, messages::RunSender& run) override;
+  void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) override;
   void begin() override;
   void begin_queries() override;
   void begin_senses() override;

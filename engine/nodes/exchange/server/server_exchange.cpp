@@ -12,6 +12,15 @@ std::unique_ptr<ServerExchange> ServerExchange::make(ServerState& state) {
   return std::make_unique<MessageServerExchange>(state);
 }
 
+void ServerExchange::start_run(messages::RunSender& run, messages::MessageType type,
+                               std::size_t records) const noexcept {
+  if (!reads_nodes_ || records != 0) {
+    return run.start(records);
+  }
+  run.stop();
+  messages::count_message(state_.report().traffic, state_.head(type, messages::Endpoint::none()), 0, 0);
+}
+
 void ServerExchange::count_records(Statistics& statistics) const noexcept {
   for (const PeerSession& node : state_.nodes) {
     if (state_.nodes_host() && node.is_active()) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -41,6 +42,26 @@ class ServerExchange {
   static const HostOwnedStates& kept_states(const PeerSession& node) noexcept {
     return node.connection.node_contacts->host_states;
   }
+
+  // Control of the frame, within a process by FrameControl. Otherwise messages say the same.
+  /// Starts a run of `records` records to a CD node. Within a process a run without records is not sent: its end is
+  /// announced, and counts like the message that it replaces.
+  void start_run(messages::RunSender& run, messages::MessageType type, std::size_t records) const noexcept;
+  /// Sends the region map to a node, in a run that was started; true when it is sent.
+  virtual bool send_map(PeerSession& node, messages::RunSender& run) = 0;
+  /// At the cut, when it is known which nodes take part in the frame.
+  virtual void expect_nodes() noexcept {}
+  /// All messages that belong to the step have been sent with ServerState::send_to_nodes(): wakes the nodes that do not
+  /// know it yet. `reached`: notes when, for each node, unless they are woken together.
+  virtual void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached = nullptr) = 0;
+  /// The node is lost, or has left before this cut: no later announcement concerns it.
+  virtual void dismiss(PeerSession&) noexcept {}
+  /// A fallback node is connected: it follows what is announced.
+  virtual void admit(PeerSession&) noexcept {}
+  /// At the end of a frame.
+  virtual void finish() {}
+  /// Between frames. Precondition: the threads of all lost nodes have ended.
+  virtual void free_abandoned() noexcept {}
 
   /// At the cut, and before the frame is detected again: nodes have sent each other nothing.
   virtual void begin() {}

@@ -1,9 +1,85 @@
 #include "nodes/exchange/server/shared_server_exchange.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <iterator>
 #include <utility>
 
+#include "telemetry/clock.hpp"
+
 namespace ringfence::nodes {
+
+// The message has the address of the map, which the node copies. It counts as if it had the entries.
+bool SharedServerExchange::send_map(PeerSession& node, messages::RunSender& run) {
+  if (run.done()) {
+    return true;
+  }
+  if (sent_maps_.empty() || sent_maps_.back()->epoch() != state_.map.epoch()) {
+    sent_maps_.push_back(std::make_unique<const regions::RegionMap>(state_.map));
+  }
+  const regions::RegionMap* const map = sent_maps_.back().get();
+  run.start(1);
+  if (!state_.send(node, run, messages::MessageType::region_map,
+                   [&](std::size_t) { return std::bit_cast<messages::OwnerRecord>(map); })) {
+    return false;
+  }
+  const std::size_t entries = map->table().size(), bytes = entries * sizeof(messages::OwnerRecord);
+  const std::size_t more_messages = bytes / (node.connection.out->largest_message() - sizeof(messages::Header));
+  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(Traffic::control)];
+  traffic.messages += more_messages;
+  traffic.records += entries - 1;
+  traffic.bytes += bytes - sizeof(messages::OwnerRecord) + more_messages * sizeof(messages::Header);
+  return true;
+}
+
+// Every node that is not lost has read what was sent to it in the frame.
+void SharedServerExchange::finish() {
+  if (!state_.report().lost.empty()) {
+    std::move(sent_maps_.begin(), sent_maps_.end(), std::back_inserter(abandoned_maps_));
+  }
+  sent_maps_.clear();
+}
+
+void SharedServerExchange::expect_nodes() noexcept {
+  FrameControl::Members members{};
+  for (const PeerSession& node : state_.nodes) {
+    if (node.is_active()) {
+      members[node.self.number() / 64] |= std::uint64_t{1} << node.self.number() % 64;
+    }
+  }
+  state_.setup.frame_control->expect(members, state_.wake_tree == nullptr);
+}
+
+void SharedServerExchange::announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) {
+  if (!state_.setup.frame_control->announce(state_.frame, state_.map.epoch(), step)) {
+    return;
+  }
+  if (state_.wakes_together()) {
+    state_.wake_nodes();
+    return;
+  }
+  for (PeerSession& node : state_.nodes) {
+    if (!node.is_active()) {
+      continue;
+    }
+    if (link::Doorbell* const bell = node.connection.node_contacts->bell) {
+      bell->ring();
+    }
+    if (reached != nullptr) {
+      (node.*reached).ns = telemetry::now_ns();
+    }
+  }
+}
+
+void SharedServerExchange::dismiss(PeerSession& node) noexcept {
+  // The next announcement is a release store, so a node that sees it sees this too.
+  node.connection.node_contacts->report.dismissed.store(true, std::memory_order_relaxed);
+  state_.setup.frame_control->wake_for_each();
+}
+
+void SharedServerExchange::admit(PeerSession& node) noexcept {
+  node.connection.node_contacts->report.dismissed.store(false, std::memory_order_relaxed);
+}
 
 void SharedServerExchange::begin_queries() {
   const auto queries = state_.setup.order->queries;

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "nodes/exchange/server/server_exchange.hpp"
+#include "regions/region_map.hpp"
 
 namespace ringfence::nodes {
 
@@ -12,6 +16,13 @@ class SharedServerExchange final : public ServerExchange {
  public:
   explicit SharedServerExchange(ServerState& state) noexcept : ServerExchange(state, true) {}
 
+  bool send_map(PeerSession& node, messages::RunSender& run) override;
+  void expect_nodes() noexcept override;
+  void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) override;
+  void dismiss(PeerSession& node) noexcept override;
+  void admit(PeerSession& node) noexcept override;
+  void finish() override;
+  void free_abandoned() noexcept override { abandoned_maps_.clear(); }
   void begin_queries() override;
   void begin_senses() override;
   const NodeQueries& queries_of(const PeerSession& node) const noexcept override {
@@ -25,7 +36,12 @@ class SharedServerExchange final : public ServerExchange {
  private:
   Exchanged exchanged(const PeerSession& node) const noexcept override;
 
-  bool had_queries_ = false;  ///< in the last frame
+  using SentMap = std::unique_ptr<const regions::RegionMap>;
+
+  bool had_queries_ = false;        ///< in the last frame
+  std::vector<SentMap> sent_maps_;  ///< to nodes, in this frame
+  /// The same of earlier frames, in which nodes were lost that may not have read them yet.
+  std::vector<SentMap> abandoned_maps_;
 };
 
 }  // namespace ringfence::nodes

@@ -69,11 +69,13 @@ void ContactLedger::begin(std::uint64_t frame) {
     abandoned_.back().ended_before = std::exchange(ended(), {});
   }
   for (Run& run : runs_) {
-    run.shared = nullptr;
+    // A run whose contacts were shared has none of its own.
+    if (std::exchange(run.shared, nullptr) == nullptr) {
+      run.own->start(frame);
+      run.touches.clear();
+      run.ended_at.clear();
+    }
     run.complete = false;
-    run.own->start(frame);
-    run.touches.clear();
-    run.ended_at.clear();
   }
   if (keeps_two_) {
     now().resize(0);

@@ -95,12 +95,14 @@ void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
 }
 
 void ContactRouter::start_nodes() {
+  const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
   state_.all_nodes([&](PeerSession& node) {
     const std::size_t corrections = state_.ledger.corrections(node.self.number()).size();
     if (corrections != 0) {
       node.closing.correct_run.start(corrections);
     }
-    node.closing.end_run.start(1);
+    const bool has_content = !exchange_.trusts_nodes() || exchange || node.closing.hand_overs != 0;
+    exchange_.start_run(node.closing.end_run, MessageType::frame_end, has_content ? 1 : 0);
     node.closing.map_run.start(state_.map.table().size());
     return true;
   });
@@ -172,7 +174,7 @@ bool ContactRouter::notify(PeerSession& node) {
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
   const auto unlisted = state_.ledger.unlisted(node.self.number());
   const auto corrections = state_.ledger.corrections(node.self.number());
-  return (!state_.map_change.at_end || state_.send_map(node, closing.map_run)) &&
+  return (!state_.map_change.at_end || exchange_.send_map(node, closing.map_run)) &&
          state_.send(node, closing.unlist_run, MessageType::unlist,
                      [&](std::size_t i) { return messages::UnlistRecord{unlisted[i].key}; }) &&
          state_.send(node, closing.correct_run, MessageType::correct,

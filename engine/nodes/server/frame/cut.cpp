@@ -11,8 +11,10 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch)
+Cut::Cut(ServerState& state, ServerExchange& exchange, ObjectStates& states, MapScheduler& scheduler,
+         Dispatch& dispatch)
     : state_(state),
+      exchange_(exchange),
       states_(states),
       scheduler_(scheduler),
       dispatch_(dispatch),
@@ -31,6 +33,7 @@ bool Cut::begin() {
   for (PeerSession& session : state_.nodes) {
     if (session.lost || session.left) {
       any_lost |= session.lost;
+      exchange_.dismiss(session);
       session = {};
     }
   }
@@ -153,6 +156,7 @@ void Cut::set_slots(std::size_t slots) {
 void Cut::add_node(const Request& request) {
   set_slots(std::max<std::size_t>(state_.nodes.size(), request.node + 1));
   PeerSession& session = state_.nodes[request.node];
+  session = {};
   session.self = Endpoint::node(request.node);
   session.id = request.node_id;
   session.connection = request.connection;
@@ -337,14 +341,6 @@ void Cut::list_known_contacts() {
 }
 
 void Cut::start_nodes() {
-  if (state_.arrivals != nullptr) {
-    Arrivals::Members members{};
-    state_.all_nodes([&](const PeerSession& node) {
-      members[node.self.number() / 64] |= std::uint64_t{1} << node.self.number() % 64;
-      return true;
-    });
-    state_.arrivals->expect(members);
-  }
   state_.all_nodes([&](PeerSession& node) {
     start(node);
     return true;
@@ -403,7 +399,7 @@ void Cut::start_runs(PeerSession::Opening& opening) noexcept {
 
 void Cut::start(PeerSession& node) {
   start_runs(node.opening);
-  node.opening.begin_run.start(0);
+  exchange_.start_run(node.opening.begin_run, MessageType::frame_begin, 0);
   if (state_.map_change.precedes_frame) {
     node.loss.map_run.start(state_.map.table().size());
   }
@@ -414,7 +410,7 @@ void Cut::start(PeerSession& node) {
 }
 
 bool Cut::open(PeerSession& node) {
-  return (!state_.map_change.precedes_frame || state_.send_map(node, node.loss.map_run)) && send_changes(node) &&
+  return (!state_.map_change.precedes_frame || exchange_.send_map(node, node.loss.map_run)) && send_changes(node) &&
          state_.send_empty(node, node.opening.begin_run, MessageType::frame_begin);
 }
 

@@ -21,7 +21,7 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role. Allocates for new objects, users and nodes only.
 class Cut {
  public:
-  Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch);
+  Cut(ServerState& state, ServerExchange& exchange, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch);
 
   /// Before the first cut: adds the objects of a save. The first cut gives all of them hosts, which receive their
   /// contacts of the frame before, as after the loss of all nodes. `state_bytes`: size of each state.
@@ -38,8 +38,8 @@ class Cut {
   void list_known_contacts();
   /// Prepares what open() sends, and resets what is received from the nodes.
   void start_nodes();
-  /// Sends a node its changes, then `frame_begin`: a host that receives it knows what it hosts. Sends as much as the
-  /// ring takes; true when all is sent.
+  /// Sends a node its changes, then `frame_begin` or its announcement: a host that receives it knows what it hosts.
+  /// Sends as much as the ring takes; true when all is sent.
   bool open(PeerSession& node);
   /// The same two for the users, while the nodes already move. Awaits the users' states.
   void start_users();
@@ -65,6 +65,7 @@ class Cut {
   bool send_changes(PeerSession& session);
 
   ServerState& state_;
+  ServerExchange& exchange_;
   ObjectStates& states_;
   MapScheduler& scheduler_;
   Dispatch& dispatch_;

@@ -125,7 +125,7 @@ void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
                                    (shared ? shared_mark : 0));
 }
 
-void Dispatch::start(UpdateScope scope) {
+void Dispatch::start(UpdateScope scope, const ServerExchange& exchange) {
   for (NodeNumber slot = 0; slot < nodes_.size(); ++slot) {
     nodes_[slot].updates.clear();
     nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
@@ -134,7 +134,11 @@ void Dispatch::start(UpdateScope scope) {
   avatar_owners_.reset();
   list_updates(scope);
   for (Node& node : nodes_) {
-    node.update_run.start(node.updates.size());
+    if (node.link != nullptr) {
+      exchange.start_run(node.update_run, MessageType::position_update, node.updates.size());
+    } else {
+      node.update_run.stop();
+    }
     node.pair_run.start();
   }
   sweeping_ = false;
@@ -143,13 +147,12 @@ void Dispatch::start(UpdateScope scope) {
   sweep_ns_ = 0;
 }
 
-bool Dispatch::pump() {
-  bool all = state_.all_nodes_woken([this](const PeerSession& node) { return pump_updates(node.self.number()); });
-  if (!all || state_.setup.placement == Placement::region) {
-    return all;
+bool Dispatch::send_pairs() {
+  if (state_.setup.placement == Placement::region) {
+    return true;
   }
   const std::uint64_t begin_ns = telemetry::now_ns();
-  all = pump_pairs();
+  const bool all = pump_pairs();
   sweep_ns_ += telemetry::now_ns() - begin_ns;
   return all;
 }

@@ -8,6 +8,7 @@
 #include "base/numbers.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/run.hpp"
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 #include "regions/recent_owners.hpp"
 
@@ -25,13 +26,14 @@ class Dispatch {
   /// Follows the number of node slots. Between frames.
   void resize();
 
-  /// Lists the updates of each node, and starts sending them to the active nodes. They stay active until the last
-  /// pump(), or start() is called again.
-  void start(UpdateScope scope);
-  /// Sends as much as the rings take; true when everything is sent. With Placement::server it then sweeps all objects
-  /// and sends each candidate to its owner as it is found; a full ring interrupts the sweep. Objects and map must not
-  /// change between start() and the final pump().
-  bool pump();
+  /// Lists the updates of each node. The active nodes stay active until the last send_pairs(), or start() is called
+  /// again. Objects and map must not change until all is sent.
+  void start(UpdateScope scope, const ServerExchange& exchange);
+  /// Sends a node its updates; true when all are sent.
+  bool send_updates(const PeerSession& node) { return pump_updates(node.self.number()); }
+  /// With Placement::server, after all updates: sweeps all objects and sends each candidate to its owner as it is
+  /// found. A full ring interrupts the sweep: then it returns false, and is called again.
+  bool send_pairs();
   /// Sends the unfinished message of pairs for `node`, so that another message may follow.
   void flush(NodeNumber node);
 

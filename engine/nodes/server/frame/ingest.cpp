@@ -5,7 +5,6 @@
 #include "base/prefetch.hpp"
 #include "nodes/host/valid_pose.hpp"
 #include "nodes/message_check.hpp"
-#include "nodes/server/frame/map_scheduler.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -27,8 +26,8 @@ bool belongs_to_map(MessageType type) noexcept {
 
 bool Ingest::receive() {
   bool any = false;
-  if (state_.arrivals != nullptr) {
-    any = receive_from_arrived();
+  if (state_.setup.frame_control != nullptr) {
+    any = receive_reports();
   } else {
     state_.all_nodes([&](PeerSession& node) {
       any |= is_awaited(node) && drain(node);
@@ -39,24 +38,29 @@ bool Ingest::receive() {
   return any;
 }
 
-// A session, the receiver and the message are on lines that this core has not had since the last stage: three reads
-// that depend on each other are prefetched in a pipeline.
-bool Ingest::receive_from_arrived() {
+bool Ingest::receive_reports() {
+  reports_.look();
+  const bool any = receive_from_senders();
+  return reports_.accept() || any;
+}
+
+// A session, the receiver and the message are on lines that this core has not had since the last step: three reads that
+// depend on each other are prefetched in a pipeline.
+bool Ingest::receive_from_senders() {
   constexpr std::size_t ahead = 4;
-  arrived_.clear();
-  state_.arrivals->take([this](NodeNumber slot) {
+  senders_.clear();
+  state_.setup.frame_control->take_senders([this](NodeNumber slot) {
     if (slot < state_.nodes.size() && state_.nodes[slot].is_active()) {
-      arrived_.push_back(slot);
+      senders_.push_back(slot);
     }
   });
   const auto behind = [this](std::size_t i, std::size_t by) {
-    return i >= by && i - by < arrived_.size() ? &state_.nodes[arrived_[i - by]] : nullptr;
+    return i >= by && i - by < senders_.size() ? &state_.nodes[senders_[i - by]] : nullptr;
   };
   bool any = false;
-  for (std::size_t i = 0; i < arrived_.size() + 3 * ahead; ++i) {
+  for (std::size_t i = 0; i < senders_.size() + 3 * ahead; ++i) {
     if (const PeerSession* node = behind(i, 0)) {
       base::prefetch_for_read(&node->connection);
-      base::prefetch_for_write(&node->received);
     }
     if (const PeerSession* node = behind(i, ahead)) {
       base::prefetch_for_write(node->connection.in);
@@ -69,6 +73,13 @@ bool Ingest::receive_from_arrived() {
     }
   }
   return any;
+}
+
+bool Ingest::all_nodes(ReportedStep step) {
+  if (state_.setup.frame_control != nullptr && state_.report().lost.empty()) {
+    return reports_.all(step);
+  }
+  return state_.all_nodes([&](PeerSession& node) { return has_completed(node.received, step); });
 }
 
 // Whether the frame waits for a message of the node.
@@ -282,7 +293,6 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
     case MessageType::replica:
     case MessageType::collision:
     case MessageType::change:
-    case MessageType::published:
     case MessageType::probe_reply:
     case MessageType::kinds:
     case MessageType::query_hit:
@@ -322,19 +332,21 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
     case MessageType::change:
       return receive_changes(session, message);
     case MessageType::narrow_done:
-      return receive_narrow_done(session, message);
+      return results_.add_tests(session, message.record<messages::NarrowDoneRecord>(0))
+                 ? void()
+                 : refuse(session, Status::bad_message);
     case MessageType::ghost_counts:
     case MessageType::contact_counts:
       return exchange_.receive_counts(session, message) ? void() : refuse(session, Status::bad_message);
     case MessageType::query_hit:
       return exchange_.receive_hits(session, message) ? void() : refuse(session, Status::bad_message);
-    case MessageType::published:
-      session.received.published = true;
-      return;
     case MessageType::kinds:
-      return statistics_.add_kinds(message);
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        results_.add_kinds(std::span(&message.view<messages::KindRecord>(i), 1));
+      }
+      return;
     case MessageType::frame_done:
-      return receive_frame_done(session, message);
+      return results_.finish(session, message.record<messages::NodeFrameStats>(0));
     default:
       return;  // a probe_reply has no content
   }
@@ -407,6 +419,7 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
 }
 
 void Ingest::receive_node_states(PeerSession& session, const MessageView& message) {
+  session.received.bytes += message.header().bytes;
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
@@ -522,27 +535,6 @@ void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
       return refuse(session, Status::bad_message);
     }
   }
-}
-
-// A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
-void Ingest::receive_narrow_done(PeerSession& session, const MessageView& message) {
-  const auto record = message.record<messages::NarrowDoneRecord>(0);
-  statistics_.add(session, record);
-  exchange_.receive_contacts(session, statistics_);
-  if (state_.ledger.received(session.self.number()) == record.contacts) {
-    state_.report().accepted += record.tested + record.carried;
-  } else {
-    refuse(session, Status::bad_message);
-  }
-  session.received.narrow_done = true;
-}
-
-void Ingest::receive_frame_done(PeerSession& node, const MessageView& message) {
-  const auto record = message.record<messages::NodeFrameStats>(0);
-  statistics_.add(node, record);
-  node.cost_ms = MapScheduler::cost_of(state_.setup, state_.report().nodes[node.in_report]);
-  states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
-  node.received.frame_done = true;
 }
 
 }  // namespace ringfence::nodes

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <utility>
 
@@ -8,6 +9,8 @@
 #include "base/numbers.hpp"
 #include "messages/header.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
+#include "nodes/server/frame/node_results.hpp"
+#include "nodes/server/frame/report_reader.hpp"
 #include "nodes/server/frame/statistics.hpp"
 #include "nodes/server/objects/object_states.hpp"
 #include "nodes/server/server_state.hpp"
@@ -15,7 +18,8 @@
 namespace ringfence::nodes {
 
 /// Reads the messages of CD nodes and user nodes, checks them, and stores what they contain: states in the object
-/// table, contacts in the ledger, reports in Statistics, and in PeerSession::received what has arrived.
+/// table, contacts in the ledger, reports in Statistics, and in PeerSession::received what has arrived. CD nodes of
+/// this process report in shared memory (StepReport), and send messages only where they have records.
 ///
 /// User nodes and nodes of other processes are not trusted: what they may not send now, or what is not valid, is
 /// refused and counted. A node of another process that breaks the protocol becomes PeerSession::broken.
@@ -24,8 +28,17 @@ namespace ringfence::nodes {
 class Ingest {
  public:
   Ingest(ServerState& state, ServerExchange& exchange, ObjectStates& states, Statistics& statistics) noexcept
-      : state_(state), exchange_(exchange), states_(states), statistics_(statistics) {}
+      : state_(state),
+        exchange_(exchange),
+        states_(states),
+        statistics_(statistics),
+        results_(state, exchange, states, statistics),
+        reports_(state, results_, statistics) {}
 
+  /// At the cut: nothing has been reported in this frame.
+  void begin() noexcept { reports_.begin(); }
+  /// Whether all nodes that are not lost have completed a step.
+  bool all_nodes(ReportedStep step);
   /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
   bool receive();
   /// Refuses what lost nodes still send. Returns whether there was any message.
@@ -35,7 +48,8 @@ class Ingest {
 
  private:
   bool is_awaited(const PeerSession& node) const noexcept;
-  bool receive_from_arrived();
+  bool receive_reports();
+  bool receive_from_senders();
   bool receive_from_users();
   bool drain(PeerSession& node);
   bool drain(UserConnection& peers);
@@ -55,15 +69,15 @@ class Ingest {
   void receive_replicas(PeerSession& node, const messages::MessageView& message);
   void receive_collisions(PeerSession& node, const messages::MessageView& message);
   void receive_changes(PeerSession& node, const messages::MessageView& message);
-  void receive_narrow_done(PeerSession& node, const messages::MessageView& message);
-  void receive_frame_done(PeerSession& node, const messages::MessageView& message);
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
   ServerState& state_;
   ServerExchange& exchange_;
   ObjectStates& states_;
   Statistics& statistics_;
-  base::FlatList<NodeNumber> arrived_;  ///< scratch
+  NodeResults results_;
+  ReportReader reports_;                ///< unused if nodes share no memory
+  base::FlatList<NodeNumber> senders_;  ///< scratch
   bool any_broken_ = false;             ///< a node that is not lost yet has broken the protocol
 };
 

@@ -81,11 +81,6 @@ void StateRelay::list_objects() {
   }
 }
 
-bool StateRelay::is_ready() noexcept {
-  return !is_final_ && state_.users_have_published() &&
-         state_.all_nodes([&](const PeerSession& node) { return node.received.published || !nodes_publish_; });
-}
-
 void StateRelay::allow_reading() {
   list_publications();
   is_final_ = true;

@@ -27,8 +27,12 @@ class StateRelay {
   /// frame after a loss, unless user nodes already read: then the lost node had published before, too, and its
   /// publication holds S(k).
   void publish(bool holds_lost_objects);
-  /// Whether every role has published, and user nodes have not been allowed to read.
-  bool is_ready() noexcept;
+  /// Whether every role has published, and user nodes have not been allowed to read. `nodes_have_published`: whether
+  /// all nodes have; asked if they publish.
+  template <class Have>
+  bool is_ready(Have nodes_have_published) {
+    return !is_final_ && state_.users_have_published() && (!nodes_publish_ || nodes_have_published());
+  }
   /// All states are in publications that do not change any more in this frame: lists them, and sends the users
   /// `read_publications`, so that they read while the nodes test. If a ring is full, the message is sent
   /// together with the contacts: the server does not wait here.

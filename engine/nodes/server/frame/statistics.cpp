@@ -117,6 +117,14 @@ void Statistics::count(const messages::Header& header) noexcept {
   traffic.bytes += header.bytes;
 }
 
+void Statistics::count_report(messages::MessageType type, std::size_t records, std::size_t bytes_each) noexcept {
+  messages::Header header;
+  header.type = static_cast<std::uint16_t>(type);
+  header.count = static_cast<std::uint32_t>(records);
+  header.bytes = static_cast<std::uint32_t>(sizeof header + records * bytes_each);
+  count(header);
+}
+
 void Statistics::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
   TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(kind)];
   ++traffic.messages;
@@ -199,30 +207,30 @@ void Statistics::charge_path(const PeerSession& node, const messages::NodeFrameS
   raise(path.nodes_ended_ms, node.notified.ms + end_ms);
 }
 
-void Statistics::add_kinds(const messages::MessageView& message) {
+void Statistics::add(const messages::KindRecord& record) {
   auto& kinds = state_.report().kinds;
-  for (std::size_t i = 0; i < message.count(); ++i) {
-    const auto record = message.record<messages::KindRecord>(i);
-    const auto first = static_cast<ShapeKind>(record.first);
-    const auto second = static_cast<ShapeKind>(record.second);
-    auto at = std::find_if(kinds.begin(), kinds.end(),
-                           [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
-    if (at == kinds.end()) {
-      at = kinds.emplace(kinds.end());
-      at->first = first;
-      at->second = second;
-    }
-    at->candidates += record.candidates;
-    at->hits += record.hits;
-    at->lanes += record.lanes;
-    at->lanes_filled += record.lanes_filled;
-    at->iterations += record.iterations;
-    at->ended_early += record.ended_early;
-    at->timed += record.timed;
-    at->nanoseconds += record.nanoseconds;
-    at->gather_nanoseconds += record.gather_nanoseconds;
-    for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
+  const auto first = static_cast<ShapeKind>(record.first);
+  const auto second = static_cast<ShapeKind>(record.second);
+  auto at = std::find_if(kinds.begin(), kinds.end(),
+                         [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
+  if (at == kinds.end()) {
+    at = kinds.emplace(kinds.end());
+    at->first = first;
+    at->second = second;
   }
+  at->candidates += record.candidates;
+  at->hits += record.hits;
+  at->lanes += record.lanes;
+  at->lanes_filled += record.lanes_filled;
+  at->iterations += record.iterations;
+  at->ended_early += record.ended_early;
+  if (record.timed == 0) {  // only a sample of the pairs is timed: usually none of a node with few pairs
+    return;
+  }
+  at->timed += record.timed;
+  at->nanoseconds += record.nanoseconds;
+  at->gather_nanoseconds += record.gather_nanoseconds;
+  for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
 }
 
 }  // namespace ringfence::nodes

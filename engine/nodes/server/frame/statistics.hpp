@@ -51,14 +51,16 @@ class Statistics {
   void count(const messages::Header& header) noexcept;
   /// Counts records that are read in shared memory, like the message that they replace.
   void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
+  /// Counts what a node of this process reports without a message, like the message that it replaces.
+  void count_report(messages::MessageType type, std::size_t records, std::size_t bytes_each) noexcept;
   /// Adds what a node reports when it has tested its pairs.
   void add(const PeerSession& node, const messages::NarrowDoneRecord& done) noexcept;
   /// Adds what a CD node reports at its end of the frame.
   void add(const PeerSession& session, const messages::NodeFrameStats& stats) noexcept;
   /// Adds what the thread of user nodes reports at its end of the frame.
   void add_users(const messages::NodeFrameStats& stats) noexcept;
-  /// Adds a node's statistics of pairs of kinds of shapes.
-  void add_kinds(const messages::MessageView& message);
+  /// Adds a node's tests of a pair of kinds of shapes.
+  void add(const messages::KindRecord& record);
 
  private:
   void add_refusals(const messages::NodeFrameStats& stats) noexcept;

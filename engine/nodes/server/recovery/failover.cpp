@@ -27,6 +27,7 @@ void Failover::lose(NodeNumber node) {
     return;
   }
   session.lost = true;
+  exchange_.dismiss(session);
   exchange_.close_ghost_gates();
   state_.report().lost.emplace_back(session.id);
   announce(node, !state_.contacts_are_final());
@@ -126,10 +127,11 @@ void Failover::detect_again() {
   state_.ledger.begin(state_.frame);
   exchange_.begin();
   statistics_.forget_results();
-  for (PeerSession& session : state_.nodes) {
+  state_.all_nodes([&](PeerSession& session) {
     session.received.narrow_done = false;
     session.loss.map_run.start(state_.map.table().size());
-  }
+    return true;
+  });
   state_.map_change.updates = UpdateScope::all_objects;
   state_.map_change.rescan_hosts = true;
 }
@@ -186,8 +188,9 @@ bool Failover::connect_fallback() {
   session.connection = order.fallback;
   session.connected = true;
   session.last_received_ns = telemetry::now_ns();
-  session.opening.begin_run.start(0);
+  exchange_.start_run(session.opening.begin_run, MessageType::frame_begin, 0);
   relay_.order(session);
+  exchange_.admit(session);
   state_.ledger.join(slot, state_.frame);
   return true;
 }
@@ -208,11 +211,11 @@ bool Failover::send(PeerSession& session) {
     }
     session.loss.records.clear();
   }
-  if (!session.loss.map_run.done() && !state_.send_map(session, session.loss.map_run)) {
+  if (!exchange_.send_map(session, session.loss.map_run)) {
     return false;
   }
   // Other nodes have already received frame_begin. A fallback node joins while the frame is running, so it receives it
-  // here.
+  // here, unless it follows the announcement.
   return state_.stage == FrameStage::starting_nodes ||
          state_.send_empty(session, session.opening.begin_run, MessageType::frame_begin);
 }

@@ -5,11 +5,50 @@
 #include <doctest/doctest.h>
 
 #include "nodes/cd_node/node_fixture.hpp"
+#include "nodes/exchange/counted_bell.hpp"
 
 namespace ringfence::nodes::test {
 namespace {
 
 using messages::flag_present;
+
+TEST_CASE("a node whose ring to the server is full wakes it, and notes that there are messages") {
+  NodeFixture fixture({.ring_bytes = 4096});
+  CountedBell server;
+  fixture.frame_control().set_server_bell(&server.bell());
+  fixture.frame_control().expect({1, 0}, false);
+  fixture.exchange().begin();
+  for (ObjectNumber number = 1; number <= 100; ++number) {
+    fixture.host(number, {10, 10, 10});
+    fixture.exchange().add_change(number - 1, flag_present, fixture.bounds({10, 10, 10}));
+  }
+  CHECK(!fixture.exchange().report_batch());
+  CHECK(server.was_rung());
+  std::size_t senders = 0;
+  fixture.frame_control().take_senders([&](NodeNumber) { ++senders; });
+  CHECK(senders == 1);
+  std::size_t records = 0;
+  while (!fixture.exchange().report_batch()) {
+    for (const LoggedMessage& message : fixture.sent_to_server()) records += message.header.count;
+  }
+  CHECK(fixture.exchange().finish_report());
+  for (const LoggedMessage& message : fixture.sent_to_server()) {
+    records += message.header.count;
+    CHECK(message.header.last == 0);  // the word says that no more follow
+  }
+  CHECK(records == 100);
+  CHECK(fixture.state().contacts.report.reached.load() == FrameMark(1, 1, ReportedStep::moved));
+}
+
+TEST_CASE("a node that is dismissed follows no later announcement") {
+  NodeFixture fixture;
+  fixture.frame_control().announce(7, 1, AnnouncedStep::frame_begin);
+  CHECK(fixture.exchange().announced().is_of(7));
+  CHECK(fixture.exchange().announced_frame() == 7);
+  fixture.state().contacts.report.dismissed = true;
+  fixture.frame_control().announce(8, 1, AnnouncedStep::frame_begin);
+  CHECK(fixture.exchange().announced() == FrameControl::Announced());
+}
 
 TEST_CASE("the updates of a peer are applied only while the gate admits the node") {
   NodeFixture fixture;

@@ -47,7 +47,7 @@ struct Cuts {
   ObjectStates states{fixture.state(), fixture.exchange()};
   MapScheduler scheduler{fixture.state(), fixture.exchange(), states};
   Dispatch dispatch{fixture.state()};
-  Cut cuts{fixture.state(), states, scheduler, dispatch};
+  Cut cuts{fixture.state(), fixture.exchange(), states, scheduler, dispatch};
 };
 
 using Types = std::vector<MessageType>;

@@ -17,8 +17,9 @@ struct Dispatching {
   ObjectTable& objects() { return fixture.state().objects; }
   /// Sends the updates and pairs of a frame.
   void send(UpdateScope scope = UpdateScope::changes) {
-    dispatch.start(scope);
-    REQUIRE(dispatch.pump());
+    dispatch.start(scope, fixture.exchange());
+    REQUIRE(state().all_nodes([&](const PeerSession& node) { return dispatch.send_updates(node); }));
+    REQUIRE(dispatch.send_pairs());
   }
   /// What a node has received: by object number, whether the object left its region; and its pairs, by slots.
   struct Received {

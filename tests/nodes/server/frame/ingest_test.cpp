@@ -189,22 +189,86 @@ TEST_CASE("a replica of a host-owned object replaces its pose; any other one bre
 }
 
 TEST_CASE("the end of a frame is accepted once, after the contacts were sent") {
-  Receiver test({.shares_memory = true});
+  Receiver test;
   test.state().stage = FrameStage::closing;
   messages::NodeFrameStats stats;
   stats.hosted = 4;
-  stats.host_owned_changes = 3;
   test.state().nodes[0].closing.end_run.start(1);
   test.fixture.send(Endpoint::node(0), MessageType::frame_done, stats);
   test.ingest.receive();
   CHECK(!test.state().nodes[0].received.frame_done);
-  test.state().nodes[0].closing.end_run.stop();
-  test.fixture.send(Endpoint::node(0), MessageType::frame_done, stats);
+  CHECK(test.refused(Status::bad_message) == 1);
+  test.fixture.send(Endpoint::node(1), MessageType::frame_done, stats);
+  test.fixture.send(Endpoint::node(1), MessageType::frame_done, stats);
   test.ingest.receive();
-  CHECK(test.state().nodes[0].received.frame_done);
+  CHECK(test.state().nodes[1].received.frame_done);
+  CHECK(test.state().report().nodes[1].hosted == 4);
+  CHECK(test.refused(Status::bad_message) == 2);
+}
+
+TEST_CASE("what a node of this process reports is accepted once, and counts like the messages that it replaces") {
+  Receiver test({.shares_memory = true, .interest = 8});
+  test.fixture.publication(0).wanted = true;
+  NodeContacts& contacts = test.fixture.node_contacts(0);
+  const PeerSession::Received& received = test.state().nodes[0].received;
+  CHECK(!test.ingest.receive());
+  test.fixture.report(0, ReportedStep::moved);
+  CHECK(test.ingest.receive());
+  CHECK(received.states);
+  CHECK(!received.published);
+  CHECK(!test.ingest.receive());
+
+  contacts.report.totals = {.candidates = 5, .tested = 3, .carried = 2, .contacts = 0};
+  test.state().stage = FrameStage::colliding;
+  test.fixture.report(0, ReportedStep::published);
+  test.fixture.report(0, ReportedStep::tested);
+  CHECK(test.ingest.receive());
+  CHECK(received.published);
+  CHECK(received.narrow_done);
+  CHECK(test.state().report().accepted == 5);
+
+  const messages::KindRecord kind{.candidates = 3, .timed = 1, .nanoseconds = 70};
+  contacts.report.kinds = std::span(&kind, 1);
+  contacts.report.stats.hosted = 4;
+  contacts.report.stats.host_owned_changes = 3;
+  test.fixture.report(0, ReportedStep::done);
+  test.ingest.receive();
+  CHECK(!received.frame_done);  // the contacts are not final
+  test.state().stage = FrameStage::closing;
+  for (int times = 0; times < 2; ++times) test.ingest.receive();
+  CHECK(received.frame_done);
+  CHECK(!test.state().nodes[1].received.states);
   CHECK(test.state().report().nodes[0].hosted == 4);
   CHECK(test.states.moved() == 3);
-  CHECK(test.refused(Status::bad_message) == 1);
+  REQUIRE(test.state().report().kinds.size() == 1);
+  CHECK(test.state().report().kinds[0].candidates == 3);
+  CHECK(test.state().report().kinds[0].nanoseconds == 70);
+  const TrafficReport& control = test.state().report().traffic[static_cast<std::size_t>(Traffic::control)];
+  CHECK(control.messages == 4);  // published, narrow_done, kinds, frame_done
+  CHECK(control.bytes ==
+        4 * sizeof(messages::Header) + sizeof contacts.report.totals + sizeof kind + sizeof contacts.report.stats);
+}
+
+TEST_CASE("tests under an earlier map, reports of an earlier frame and those of a lost node are void") {
+  Receiver test({.shares_memory = true});
+  test.state().stage = FrameStage::colliding;
+  ++test.state().frame;
+  test.fixture.report(1, ReportedStep::tested);
+  --test.state().frame;
+  test.fixture.report(0, ReportedStep::tested);
+  regions::RegionMap& map = test.state().map;
+  const std::vector<std::uint32_t> table(map.table().begin(), map.table().end());
+  map.assign(table, 2, map.epoch() + 1);
+  CHECK(!test.ingest.receive());
+  CHECK(!test.state().nodes[0].received.narrow_done);
+  CHECK(!test.state().nodes[1].received.narrow_done);
+  // The bits of the first reports remain, so the second ones are found although no bit is new.
+  test.fixture.report(0, ReportedStep::tested);
+  test.fixture.report(1, ReportedStep::tested);
+  test.state().nodes[1].lost = true;
+  CHECK(test.ingest.receive());
+  CHECK(test.state().nodes[0].received.narrow_done);
+  CHECK(!test.state().nodes[1].received.narrow_done);
 }
 
 TEST_CASE("a thread reports once for all its users, and not before it may") {

@@ -1,0 +1,168 @@
+#include "nodes/server/frame/report_reader.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "base/prefetch.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::MessageType;
+
+bool& has_completed(PeerSession::Received& received, ReportedStep step) noexcept {
+  switch (step) {
+    case ReportedStep::none:
+    case ReportedStep::moved:
+      return received.states;
+    case ReportedStep::published:
+      return received.published;
+    case ReportedStep::tested:
+      return received.narrow_done;
+    case ReportedStep::done:
+      break;
+  }
+  return received.frame_done;
+}
+
+void ReportReader::begin() noexcept {
+  seen_ = {};
+  missing_.fill(static_cast<std::size_t>(std::count_if(state_.nodes.begin(), state_.nodes.end(),
+                                                       [](const PeerSession& node) { return node.is_active(); })));
+}
+
+void ReportReader::note(const Seen& seen) noexcept {
+  std::uint64_t& word = seen_[index_of(seen.step)][seen.slot / 64];
+  const std::uint64_t bit = std::uint64_t{1} << seen.slot % 64;
+  missing_[index_of(seen.step)] -= (word & bit) == 0 ? 1 : 0;
+  word |= bit;
+}
+
+void ReportReader::look() {
+  list();
+  load_marks();
+}
+
+// In a frame with a loss every node is looked at: some have completed a step of the detection before, and may not
+// arrive a second time.
+void ReportReader::list() {
+  reports_.clear();
+  const bool any_lost = !state_.report().lost.empty();
+  const std::size_t groups = (state_.nodes.size() + 63) / 64;
+  for (const ReportedStep step :
+       {ReportedStep::moved, ReportedStep::published, ReportedStep::tested, ReportedStep::done}) {
+    for (std::size_t group = 0; group < groups; ++group) {
+      std::uint64_t fresh = state_.setup.frame_control->arrived(step, group) & ~seen_[index_of(step)][group];
+      for (fresh = any_lost ? ~std::uint64_t{0} : fresh; fresh != 0; fresh &= fresh - 1) {
+        const auto slot = static_cast<NodeNumber>(group * 64 + static_cast<std::size_t>(std::countr_zero(fresh)));
+        const bool waits = slot < state_.nodes.size() && state_.nodes[slot].is_active() &&
+                           !(any_lost && has_completed(state_.nodes[slot].received, step));
+        if (waits) {
+          reports_.push_back({slot, step, {}});
+        }
+      }
+    }
+  }
+}
+
+// A session and a report are on lines that this core has not had since the last step: reads that depend on each other
+// are prefetched in a pipeline.
+void ReportReader::load_marks() {
+  for (std::size_t i = 0; i < reports_.size() + 2 * ahead; ++i) {
+    if (const PeerSession* const node = behind(i, 0)) {
+      base::prefetch_for_read(&node->connection);
+      base::prefetch_for_write(&node->received);
+    }
+    if (const PeerSession* const node = behind(i, ahead)) {
+      base::prefetch_for_read(&node->connection.node_contacts->report.reached);
+    }
+    if (const PeerSession* const node = behind(i, 2 * ahead)) {
+      // Pairs with the store in SharedExchange: what the node has written for this step is visible.
+      reports_[i - 2 * ahead].reached = node->connection.node_contacts->report.reached.load(std::memory_order_acquire);
+    }
+  }
+}
+
+void ReportReader::prefetch_report(std::size_t i) const noexcept {
+  const PeerSession* const node = behind(i, 0);
+  if (node == nullptr || !has_reached(reports_[i])) {
+    return;  // the node may be writing it
+  }
+  const NodeContacts& contacts = *node->connection.node_contacts;
+  if (reports_[i].step == ReportedStep::tested) {
+    contacts.prefetch_summary();
+  } else if (reports_[i].step == ReportedStep::done) {
+    base::prefetch_object(contacts.report.stats);
+    for (const messages::KindRecord& kind : contacts.report.kinds) {
+      base::prefetch_for_read(&kind);
+      base::prefetch_for_read(&kind.timed);
+    }
+  }
+}
+
+bool ReportReader::accept() {
+  const std::uint64_t now = state_.setup.node_deadline_ns != 0 && !reports_.empty() ? telemetry::now_ns() : 0;
+  bool any = false;
+  for (std::size_t i = 0; i < reports_.size() + ahead; ++i) {
+    prefetch_report(i);
+    PeerSession* const node = behind(i, ahead);
+    if (node == nullptr || !node->is_active()) {
+      continue;
+    }
+    const Seen& seen = reports_[i - ahead];
+    bool& known = has_completed(node->received, seen.step);
+    if (!known && !may_accept(seen)) {
+      continue;
+    }
+    if (!std::exchange(known, true)) {
+      any = true;
+      node->last_received_ns = now;
+      node->probed_ns = 0;
+      accept(*node, seen.step);
+    }
+    note(seen);
+  }
+  return any;
+}
+
+bool ReportReader::may_accept(const Seen& seen) const noexcept {
+  if (!has_reached(seen)) {
+    return false;
+  }
+  if (seen.step == ReportedStep::tested) {
+    // Tests under an earlier map are void: a node was lost, and this one will report again.
+    const bool detecting = state_.stage == FrameStage::dispatching || state_.stage == FrameStage::colliding;
+    return detecting && seen.reached.has_epoch(state_.map.epoch());
+  }
+  return seen.step != ReportedStep::done || state_.contacts_are_final();
+}
+
+void ReportReader::accept(PeerSession& node, ReportedStep step) {
+  const StepReport& report = node.connection.node_contacts->report;
+  switch (step) {
+    case ReportedStep::none:
+      return;
+    case ReportedStep::moved:  // with states the last message would have ended their run
+      return node.received.bytes == 0 ? statistics_.count_report(MessageType::node_state, 0, 0) : void();
+    case ReportedStep::published:
+      return node.connection.publication != nullptr && node.connection.publication->wanted
+                 ? statistics_.count_report(MessageType::published, 0, 0)
+                 : void();
+    case ReportedStep::tested:
+      statistics_.count_report(MessageType::narrow_done, 1, sizeof report.totals);
+      if (!results_.add_tests(node, report.totals)) {
+        state_.refuse(Status::bad_message);
+      }
+      return;
+    case ReportedStep::done:
+      statistics_.count_report(MessageType::kinds, report.kinds.size(), sizeof(messages::KindRecord));
+      statistics_.count_report(MessageType::frame_done, 1, sizeof report.stats);
+      results_.add_kinds(report.kinds);
+      return results_.finish(node, report.stats);
+  }
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "base/flat_list.hpp"
+#include "base/numbers.hpp"
+#include "nodes/exchange/frame_control.hpp"
+#include "nodes/server/frame/node_results.hpp"
+#include "nodes/server/frame/statistics.hpp"
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// Reads what the CD nodes of this process report (StepReport), in each call only what is new: a word for each 64 nodes
+/// says which of them have completed a step.
+///
+/// First come the reports, then the messages that were sent before them: so look() is called before the rings are read,
+/// and accept() after. What a node reports counts like the messages that it replaces.
+///
+/// Threads: belongs to the server role. Allocates only for more reports at once than before.
+class ReportReader {
+ public:
+  ReportReader(ServerState& state, NodeResults& results, Statistics& statistics) noexcept
+      : state_(state), results_(results), statistics_(statistics) {}
+
+  /// At the cut: nothing has been reported.
+  void begin() noexcept;
+  /// Looks for reports that were not accepted yet.
+  void look();
+  /// Takes those of the last look() that can be taken now, and sets PeerSession::received. Returns whether any was new.
+  bool accept();
+  /// Whether all nodes of the frame have completed a step. Precondition: none is lost.
+  bool all(ReportedStep step) const noexcept { return missing_[index_of(step)] == 0; }
+
+ private:
+  struct Seen {
+    NodeNumber slot;
+    ReportedStep step;
+    FrameMark<ReportedStep> reached;  ///< what the node had completed at the last look()
+  };
+
+  static std::size_t index_of(ReportedStep step) noexcept { return static_cast<std::size_t>(step) - 1; }
+  void list();
+  void load_marks();
+  void prefetch_report(std::size_t i) const noexcept;
+  /// The node of the i-th report before the one at `at`; null if there is none.
+  PeerSession* behind(std::size_t at, std::size_t by) const noexcept {
+    return at >= by && at - by < reports_.size() ? &state_.nodes[reports_[at - by].slot] : nullptr;
+  }
+  bool has_reached(const Seen& seen) const noexcept {
+    return seen.reached.is_of(state_.frame) && seen.reached.step() >= seen.step;
+  }
+  bool may_accept(const Seen& seen) const noexcept;
+  void accept(PeerSession& node, ReportedStep step);
+  void note(const Seen& seen) noexcept;
+
+  static constexpr std::size_t ahead = 4;
+
+  ServerState& state_;
+  NodeResults& results_;
+  Statistics& statistics_;
+  std::array<FrameControl::Members, reported_steps> seen_{};  ///< accepted in this frame
+  std::array<std::size_t, reported_steps> missing_{};         ///< by step: number of nodes of which none is accepted
+  base::FlatList<Seen> reports_;                              ///< of the last look()
+};
+
+/// What PeerSession::Received says of a step.
+bool& has_completed(PeerSession::Received& received, ReportedStep step) noexcept;
+
+}  // namespace ringfence::nodes
