@@ -20,11 +20,11 @@ struct Published {
 /// The publication, for the user nodes, of the objects that a CD node in the server's process hosts, or all user nodes
 /// of a thread.
 ///
-/// Threads: the server writes `wanted` before it starts the frame. The host writes the rest before it sends
-/// `published`. From then on the server decides whether the publication is valid (Publications::relays). A CD node that
-/// is lost before it has sent `published` may write as long as its thread runs, but its publication is not read. One
-/// that is lost later has finished writing, and is never started again. A user thread that was abandoned does not
-/// write; the thread that replaces it continues.
+/// Threads: the server writes `wanted` before it starts the frame, or connects a fallback node within it. The host
+/// writes the rest before it reports `published`. From then on the server decides whether the publication is valid
+/// (Publications::relays). A CD node that is lost before it has reported `published` may write as long as its thread
+/// runs, but its publication is not read. One that is lost later has finished writing, and is never started again. A
+/// user thread that was abandoned does not write; the thread that replaces it continues.
 struct HostPublication {
   /// As Publication.
   HostPublication(std::size_t states, double interest, std::size_t kept_frames = 2)
