@@ -21,8 +21,8 @@ struct Leaf {
 ///
 /// Each cut crosses the longest side (in cells) of the set of leaves that it divides. It is a plane between two layers
 /// of leaves, except that it may pass through one layer with a single step. So the weights of the nodes are equal to
-/// within about the weight of one leaf, and regions stay compact. Cost: proportional to leaves x log(leaves) x
-/// log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
+/// within about the weight of one leaf, and regions stay compact. Cost: proportional to leaves x log2(nodes). Method:
+/// recursive coordinate bisection (Berger, Bokhari 1987).
 ///
 /// Threads: one at a time. Memory: 20 bytes a leaf, and 32 a cell if split() for the cells of the grid is used. It is
 /// kept for later calls; a call with no more leaves than before allocates nothing.

@@ -1,14 +1,15 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <span>
 #include <vector>
 
 #include "messages/run.hpp"
 #include "nodes/exchange/frame_control.hpp"
-#include "nodes/exchange/publications.hpp"
-#include "nodes/test_harness.hpp"
+#include "nodes/tapped_channel.hpp"
 
 namespace ringfence::nodes::test {
 

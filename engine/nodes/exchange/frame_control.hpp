@@ -66,7 +66,7 @@ class FrameControl {
   using Members = std::array<std::uint64_t, groups>;
 
   /// The doorbell of the thread that steps the server; it outlives this object. Null: no thread sleeps. By the facade,
-  /// while no node that is not lost runs.
+  /// while no role is stepped except lost nodes: these may read it, so the same value is not written again.
   void set_server_bell(link::Doorbell* bell) noexcept {
     if (server_bell_ != bell) {
       server_bell_ = bell;
@@ -74,8 +74,7 @@ class FrameControl {
   }
 
   /// By the server, while the nodes wait: the nodes that take part in the next frame. After a loss a node may still set
-  /// a bit of the frame before; bits are hints. `eager`: messages wake the server
-  /// at once, also those that end no step.
+  /// a bit of the frame before; bits are hints. `eager`: messages wake the server at once, also those that end no step.
   void expect(const Members& members, bool eager) noexcept {
     eager_.store(eager, std::memory_order_relaxed);
     for (auto& step : gatherings_) {

@@ -156,7 +156,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::moving;
       return true;
     case FrameStage::moving:
-      if (!ingest_.all_nodes(ReportedStep::moved) || state_.awaited_users != 0) {
+      if (!ingest_.all_completed(ReportedStep::moved) || state_.awaited_users != 0) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::ingest_ms);
@@ -186,7 +186,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::colliding;
       return true;
     case FrameStage::colliding:
-      if (relay_.is_ready([this] { return ingest_.all_nodes(ReportedStep::published); })) {
+      if (relay_.is_ready([this] { return ingest_.all_completed(ReportedStep::published); })) {
         statistics_.charge(Stage::narrow_phase);
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
@@ -196,7 +196,7 @@ bool ServerRole::advance_stage() {
         }
       }
       // A user thread publishes after the last states of its user nodes, so on a busy machine the nodes may be faster.
-      if (!relay_.allows_reading() || !ingest_.all_nodes(ReportedStep::tested)) {
+      if (!relay_.allows_reading() || !ingest_.all_completed(ReportedStep::tested)) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_contacts_ms);
@@ -234,7 +234,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!ingest_.all_nodes(ReportedStep::done) || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
+      if (!ingest_.all_completed(ReportedStep::done) || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
           !state_.ledger.complete()) {
         return false;
       }

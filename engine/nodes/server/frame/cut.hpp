@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/frame/dispatch.hpp"
 #include "nodes/server/frame/map_scheduler.hpp"
 #include "nodes/server/objects/avatar_crowds.hpp"

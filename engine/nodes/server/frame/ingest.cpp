@@ -75,7 +75,7 @@ bool Ingest::receive_from_senders() {
   return any;
 }
 
-bool Ingest::all_nodes(ReportedStep step) {
+bool Ingest::all_completed(ReportedStep step) {
   if (state_.setup.frame_control != nullptr && state_.report().lost.empty()) {
     return reports_.all(step);
   }

@@ -38,7 +38,7 @@ class Ingest {
   /// At the cut: nothing has been reported in this frame.
   void begin() noexcept { reports_.begin(); }
   /// Whether all nodes that are not lost have completed a step.
-  bool all_nodes(ReportedStep step);
+  bool all_completed(ReportedStep step);
   /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
   bool receive();
   /// Refuses what lost nodes still send. Returns whether there was any message.
