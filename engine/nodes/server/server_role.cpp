@@ -234,8 +234,8 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!ingest_.all_completed(ReportedStep::done) || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
-          !state_.ledger.complete()) {
+      if (!ingest_.all_completed(ReportedStep::done) ||
+          (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) || !state_.ledger.complete()) {
         return false;
       }
       finish();
