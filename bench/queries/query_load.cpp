@@ -16,7 +16,8 @@
 // measured in alternation; `ratio` is the median of the ratios of neighbours.
 //   two_threads    two threads on one snapshot; beside two processes, each with a snapshot of its own
 //   beside_frames  rays on one thread while another runs frames: CPU times beside the same alone, as `ratio` (rays) and
-//                  `frame_ratio`
+//                  `frame_ratio`. The same beside frames of another World, with which the rays share the machine alone:
+//                  `unrelated_ratio`, `unrelated_frame_ratio`
 //   churn          rays after 10^5 spawns and destroys; beside a fresh world with the same objects
 //   history        1000 rays at random frames of a history of 64; beside the same rays in the present. `first_ms`: when
 //                  they are the first about their frames
@@ -85,36 +86,45 @@ void two_threads(benchmark::State& state) {
 
 void beside_frames(benchmark::State& state) {
   constexpr int rounds = 5, frames = 8;
-  PlayedWorld world(recorded());
+  PlayedWorld world(recorded()), unrelated(recorded());
   std::size_t k = 1;
   world.advance(recorded().frames[k]);
+  unrelated.advance(recorded().frames[k]);
   const Snapshot snapshot = world.world().snapshot();
   const std::vector<RayQuery> rays = random_rays(10000);
-  cast_repeatedly(snapshot, rays, 1);
+  // A thread that asks in every frame has its scratch memory already; a new one would first wait for pages of the
+  // system.
   const auto query_cpu = [&] {
+    cast_repeatedly(snapshot, rays, 1);
     const double start = thread_seconds();
     cast_repeatedly(snapshot, rays, rounds);
     return (thread_seconds() - start) / rounds;
   };
-  const auto frame_cpu = [&] {
+  const auto frame_cpu = [&](PlayedWorld& played) {
     const double start = thread_seconds();
-    for (int i = 0; i < frames; ++i) world.advance(recorded().frames[recorded().played(++k)]);
+    for (int i = 0; i < frames; ++i) played.advance(recorded().frames[recorded().played(++k)]);
     return (thread_seconds() - start) / frames;
   };
-  std::vector<double> query_ratios, frame_ratios;
+  const auto both = [&](PlayedWorld& played, double& query, double& frame) {
+    std::thread other([&] { query = query_cpu(); });
+    frame = frame_cpu(played);
+    other.join();
+  };
+  std::vector<double> query_ratios, frame_ratios, query_ratios_unrelated, frame_ratios_unrelated;
   for (auto _ : state) {
-    const double query_alone = query_cpu(), frame_alone = frame_cpu();
+    const double query_alone = query_cpu(), frame_alone = frame_cpu(world);
     double query = 0, frame = 0;
-    state.SetIterationTime(seconds_of([&] {
-      std::thread other([&] { query = query_cpu(); });
-      frame = frame_cpu();
-      other.join();
-    }));
+    state.SetIterationTime(seconds_of([&] { both(world, query, frame); }));
     query_ratios.push_back(query / query_alone);
     frame_ratios.push_back(frame / frame_alone);
+    both(unrelated, query, frame);
+    query_ratios_unrelated.push_back(query / query_alone);
+    frame_ratios_unrelated.push_back(frame / frame_alone);
   }
   state.counters["ratio"] = median(query_ratios);
   state.counters["frame_ratio"] = median(frame_ratios);
+  state.counters["unrelated_ratio"] = median(query_ratios_unrelated);
+  state.counters["unrelated_frame_ratio"] = median(frame_ratios_unrelated);
 }
 
 /// Destroys and spawns objects until there were `count` of each. What is spawned stands where the destroyed object was
@@ -143,7 +153,7 @@ void churn(benchmark::State& state) {
   PlayedWorld old(recorded()), fresh(recorded());
   old.advance(recorded().frames[0]);
   churn_objects(old, 100000);
-  std::vector<double> ratios, index_ratios;
+  std::vector<double> ratios, index_ratios, total_ratios;
   const std::vector<RayQuery> rays = random_rays(10000);
   std::vector<Hit> hits(rays.size());
   std::size_t k = 0;
@@ -163,9 +173,11 @@ void churn(benchmark::State& state) {
     state.SetIterationTime(after);
     ratios.push_back(after / before);
     index_ratios.push_back(old_index / fresh_index);
+    total_ratios.push_back((old_index + after) / (fresh_index + before));
   }
   state.counters["ratio"] = median(ratios);
   state.counters["index_ratio"] = median(index_ratios);
+  state.counters["total_ratio"] = median(total_ratios);
 }
 
 constexpr std::uint32_t history_frames = 64;

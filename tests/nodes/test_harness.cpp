@@ -34,6 +34,7 @@ TestHarness::TestHarness(const HarnessConfig& config)
   setup.deepest_contacts = config.deepest_contacts;
   setup.user_deadline_ns = config.user_deadline_ns;
   setup.node_deadline_ns = config.node_deadline_ns;
+  setup.nodes_may_be_lost = config.nodes_may_be_lost;
   pool_.emplace(pool_setup());
   for (std::uint32_t node = 0; node < config.nodes; ++node) {
     setup.nodes.push_back(pool_->add(map_, config.nodes, false).server.first);
@@ -58,6 +59,7 @@ facade::NodePoolSetup TestHarness::pool_setup() {
   setup.role.frame_control = config_.shares_memory ? &frame_control_ : nullptr;
   setup.role.hosts = config_.deployment == Deployment::user_collision;
   setup.role.layer_masks.fill(~0u);
+  setup.role.may_be_lost = config_.nodes_may_be_lost;
   setup.connect_to_server = [this](const facade::PoolNode& node, std::size_t) { return connect_to_server(node); };
   setup.connect = [this](const facade::PoolNode& first, const facade::PoolNode& second, std::size_t) {
     return connect_nodes(first, second);

@@ -40,6 +40,7 @@ struct HarnessConfig {
   std::uint64_t user_deadline_ns = 0;
   std::uint64_t node_deadline_ns = 0;
   bool shares_memory = false;  ///< server and CD nodes share memory, as in one process
+  bool nodes_may_be_lost = true;
 };
 
 /// Steps the roles of a frame in random order, each at its own period, with messages delayed at random; and loses CD

@@ -11,7 +11,12 @@ namespace ringfence::nodes {
 using telemetry::SpanTimer;
 
 Mover::Mover(NodeState& state, NodeExchange& exchange, HaloExchange& halo, Migration& migration)
-    : state_(state), exchange_(exchange), halo_(halo), migration_(migration), keeps_(state.keeps_host_owned()) {}
+    : state_(state),
+      exchange_(exchange),
+      halo_(halo),
+      migration_(migration),
+      keeps_(state.keeps_host_owned()),
+      reports_rest_(state.reports_rest()) {}
 
 void Mover::begin() {
   changed_ = {};
@@ -114,8 +119,8 @@ void Mover::place(const Placing& moved) {
   exchange_.add_change(moved.hosted, flags, bounds);
 }
 
-// The object did not move. If its state was host-owned, the server does not have it, so it is reported now. Otherwise
-// the object is in the batch because the map is new: no node knows the object under it yet.
+// The object did not move. It is in the batch because its state is host-owned and has to be reported, or because the
+// map is new: no node knows the object under it yet.
 void Mover::rest(const Placing& resting) {
   bool inner = resting.was != RegionObjects::none && state_.objects.inner(resting.was);
   if (resting.was == RegionObjects::none && resting.present) {
@@ -128,13 +133,15 @@ void Mover::rest(const Placing& resting) {
       enter(resting, NextHost::self, inner);
     }
   }
-  if (resting.was_host_owned) {
+  const bool keeps =
+      resting.was_host_owned && !reports_rest_ && (inner || geometry::contains(resting.bounds, resting.point));
+  if (resting.was_host_owned && !keeps) {
     exchange_.add_change(resting.hosted,
                          messages::flag_present | messages::flag_keeps_host | messages::flag_at_rest |
                              (inner ? messages::flag_interior : 0u),
                          resting.bounds);
   }
-  state_.host.set_host_owned(resting.hosted, false);
+  state_.host.set_host_owned(resting.hosted, keeps);
 }
 
 void Mover::enter(const Placing& placed, NextHost next, bool inner) {

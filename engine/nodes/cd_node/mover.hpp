@@ -60,6 +60,7 @@ class Mover {
   std::array<geometry::Bounds, Host::batch> bounds_;
   std::array<geometry::FixedPoint, Host::batch> points_;  ///< positions
   const bool keeps_;                                      ///< objects are host-owned
+  const bool reports_rest_;                               ///< but not while they rest
   bool done_ = true;
   bool publishes_ = false;  ///< in this frame
 };

@@ -13,6 +13,7 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
       objects(initial.objects, initial.placement == Placement::region),
       contacts(initial.exchange == ExchangeKind::shared ? *initial.server.node_contacts : own_contacts) {
   host.sense(initial.sense);
+  host.list_host_owned(reports_rest());
   host.contacts().keep_one_frame();
   host.contacts().reserve(initial.objects);
   contacts.host = &host;

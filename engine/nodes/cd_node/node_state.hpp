@@ -71,6 +71,9 @@ struct NodeState {
   bool shares_memory() const noexcept { return setup.exchange == ExchangeKind::shared; }
   /// Whether objects are host-owned: their hosts, not the server, give the other nodes their positions.
   bool keeps_host_owned() const noexcept { return setup.hosts && setup.placement == Placement::region; }
+  /// Whether the server needs the state of an object that comes to rest: if the node is lost, the server has the states
+  /// that changed in its last two frames, and older ones only in its own table.
+  bool reports_rest() const noexcept { return shares_memory() && setup.may_be_lost; }
   /// Whether the node's model reads the output lists of the frame before: those of the only node are its contacts. A
   /// node that may be lost does not, because its thread may still run when the lists are overwritten.
   bool reads_output() const noexcept {

@@ -117,6 +117,7 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
   base::FlatList<std::uint8_t>& differs = scratch_->differs;
   list.resize(end - first);
   differs.resize(end - first);
+  const std::uint32_t listed_flag = lists_host_owned_ ? flag_host_owned : 0u;
   std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
     std::uint32_t& flags = hosted_[i].object.flags;
@@ -125,7 +126,7 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
     }
     list[changed] = static_cast<std::uint32_t>(i);
     differs[changed] = touched_[i];
-    changed += list_all_ ? 1 : touched_[i] | (flags / flag_host_owned & 1);
+    changed += list_all_ ? 1 : touched_[i] | ((flags & listed_flag) / flag_host_owned);
   }
   std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
             std::uint8_t{0});

@@ -48,6 +48,9 @@ class Host : public HostedObjects {
   const HostContacts& contacts() const noexcept { return contacts_; }
   /// Sets whether the next move lists all hosted objects in changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }
+  /// Sets for all moves whether changed() also lists the objects with flag_host_owned that do not differ; at first it
+  /// does.
+  void list_host_owned(bool all) noexcept { lists_host_owned_ = all; }
   /// In the next move() the object takes `pose` and is present, whatever the model computes. Applies to one frame.
   void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
@@ -62,8 +65,8 @@ class Host : public HostedObjects {
   }
 
   /// Computes S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists the indices
-  /// of the objects whose pose, presence or state differs. It also lists those with flag_host_owned, which are reported
-  /// when they come to rest. Objects for which the model throws or returns an invalid pose do not move: see refusals().
+  /// of the objects whose pose, presence or state differs, and others: see list_all() and list_host_owned(). Objects
+  /// for which the model throws or returns an invalid pose do not move: see refusals().
   void move(std::uint64_t frame);
   /// The same in batches, so that changes are processed while they are in the cache. Call begin_move(), then
   /// move_next() until it returns false. After each call changed() lists the objects of that batch. Precondition: no
@@ -105,6 +108,7 @@ class Host : public HostedObjects {
   bool uses_contacts_;
   bool list_all_next_ = false;
   bool list_all_ = false;  ///< list_all() applies to this move
+  bool lists_host_owned_ = true;
   HostContacts contacts_;
   struct Steered {
     ObjectNumber number;

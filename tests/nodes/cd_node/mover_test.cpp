@@ -96,6 +96,24 @@ TEST_CASE("the server receives a host-owned state when it appears and when it co
   CHECK((rest[0].object.flags & messages::flag_at_rest) != 0);
 }
 
+TEST_CASE("an object at rest stays host-owned if no node can be lost or the server has its state as a replica") {
+  for (const bool shares_memory : {true, false}) {
+    CAPTURE(shares_memory);
+    NodeFixture fixture({.shares_memory = shares_memory, .may_be_lost = !shares_memory});
+    Moving moving(fixture);
+    const std::uint32_t hosted = fixture.host(3, {10, 10, 10});
+    moving.run(1);
+    CHECK(reports(fixture).size() == 1);
+    fixture.rest();
+    for (std::uint64_t frame = 2; frame < 5; ++frame) {
+      moving.run(frame);
+      CHECK(reports(fixture).empty());
+      CHECK(moving.state.stats.host_owned_changes == 0);
+      CHECK((moving.state.host[hosted].object.flags & messages::flag_host_owned) != 0);
+    }
+  }
+}
+
 TEST_CASE("a host-owned object at the border is also sent to the peer") {
   NodeFixture fixture;
   Moving moving(fixture);

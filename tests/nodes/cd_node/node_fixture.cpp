@@ -29,6 +29,7 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.frame_control = config.shares_memory ? &frame_control_ : nullptr;
   setup.layer_masks.fill(~0u);
   setup.objects = setup.pairs = 16;
+  setup.may_be_lost = config.may_be_lost;
   setup.server.out = &to_server_.sender();
   if (config.shares_memory) {
     setup.server.node_contacts = &contacts_;

@@ -28,6 +28,7 @@ struct NodeFixtureConfig {
   Placement placement = Placement::region;
   bool shares_memory = true;  ///< server and both nodes share contacts and publications
   std::size_t ring_bytes = std::size_t{1} << 16;
+  bool may_be_lost = true;
 };
 
 /// The data of one of two CD nodes in frame 1 whose server and peer are the test. There is no role, so a test calls one

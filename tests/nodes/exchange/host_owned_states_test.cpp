@@ -92,6 +92,24 @@ TEST_CASE("a node reports an object to the server when it arrives, comes to rest
   }
 }
 
+TEST_CASE("where no node may be lost, an object at rest is not reported") {
+  const std::vector<double> places = {4, 5, 6, 6, 6, 7, 31.5, 31.5, 33.5, 33.5, 34};
+  const ScriptedModel model(places);
+  HarnessConfig config = stage(model);
+  config.nodes_may_be_lost = false;
+  TestHarness harness(config);
+  const ObjectId id = harness.spawn(ball_at(harness, 3));
+  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+    CAPTURE(frame);
+    harness.frame();
+    const bool appears = frame == 0, leaves = places[frame] == 33.5 && places[frame - 1] != 33.5;
+    CHECK(reported(harness).size() == (appears || leaves ? 1 : 0));
+    CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
+    CHECK(harness.report().moved == (frame > 0 && places[frame] == places[frame - 1] ? 0 : 1));
+    harness.require_one_host_each();
+  }
+}
+
 TEST_CASE("a placed or removed object continues from the state that its host had") {
   const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
   const ScriptedModel model(places);
