@@ -18,7 +18,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       scheduler_(state_, *exchange_, states_),
       cut_(state_, *exchange_, states_, scheduler_, dispatch_),
       relay_(state_, *exchange_),
-      ingest_(state_, *exchange_, states_, statistics_),
+      node_ingest_(state_, *exchange_, states_, statistics_),
+      user_ingest_(state_, statistics_),
       router_(state_, *exchange_, states_, relay_, statistics_),
       failover_(state_, *exchange_, states_, relay_, statistics_),
       deadlines_(state_, failover_, dispatch_),
@@ -33,12 +34,13 @@ Step ServerRole::step() {
     cut();
     progressed = true;
   }
-  progressed |= ingest_.receive();
-  if (ingest_.take_broken()) [[unlikely]] {
+  progressed |= node_ingest_.receive();
+  progressed |= user_ingest_.receive();
+  if (node_ingest_.take_broken()) [[unlikely]] {
     failover_.lose_broken_nodes();
   }
   if (!state_.report().lost.empty()) {
-    progressed |= ingest_.refuse_lost();
+    progressed |= node_ingest_.refuse_lost();
   }
   bool advanced = false;
   while (advance()) {
@@ -106,7 +108,7 @@ void ServerRole::cut() {
   }
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
-  ingest_.begin();
+  node_ingest_.begin();
   failover_.begin();
   deadlines_.begin();
   exchange_->expect_nodes();
@@ -156,7 +158,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::moving;
       return true;
     case FrameStage::moving:
-      if (!ingest_.all_completed(ReportedStep::moved) || state_.awaited_users != 0) {
+      if (!node_ingest_.all_completed(ReportedStep::moved) || state_.awaited_users != 0) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::ingest_ms);
@@ -186,7 +188,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::colliding;
       return true;
     case FrameStage::colliding:
-      if (relay_.is_ready([this] { return ingest_.all_completed(ReportedStep::published); })) {
+      if (relay_.is_ready([this] { return node_ingest_.all_completed(ReportedStep::published); })) {
         statistics_.charge(Stage::narrow_phase);
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
@@ -196,7 +198,7 @@ bool ServerRole::advance_stage() {
         }
       }
       // A user thread publishes after the last states of its user nodes, so on a busy machine the nodes may be faster.
-      if (!relay_.allows_reading() || !ingest_.all_completed(ReportedStep::tested)) {
+      if (!relay_.allows_reading() || !node_ingest_.all_completed(ReportedStep::tested)) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_contacts_ms);
@@ -234,7 +236,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!ingest_.all_completed(ReportedStep::done) ||
+      if (!node_ingest_.all_completed(ReportedStep::done) ||
           (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) || !state_.ledger.complete()) {
         return false;
       }

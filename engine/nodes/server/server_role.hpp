@@ -10,10 +10,11 @@
 #include "nodes/server/contacts/contact_router.hpp"
 #include "nodes/server/frame/cut.hpp"
 #include "nodes/server/frame/dispatch.hpp"
-#include "nodes/server/frame/ingest.hpp"
 #include "nodes/server/frame/map_scheduler.hpp"
+#include "nodes/server/frame/node_ingest.hpp"
 #include "nodes/server/frame/state_relay.hpp"
 #include "nodes/server/frame/statistics.hpp"
+#include "nodes/server/frame/user_ingest.hpp"
 #include "nodes/server/objects/object_states.hpp"
 #include "nodes/server/recovery/deadlines.hpp"
 #include "nodes/server/recovery/failover.hpp"
@@ -114,7 +115,8 @@ class ServerRole {
   MapScheduler scheduler_;
   Cut cut_;
   StateRelay relay_;
-  Ingest ingest_;
+  NodeIngest node_ingest_;
+  UserIngest user_ingest_;
   ContactRouter router_;
   Failover failover_;
   Deadlines deadlines_;
