@@ -8,6 +8,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
+#include "geometry/corner_box.hpp"
 #include "queries/tree_box.hpp"
 #include "ringfence/pose.hpp"
 
@@ -62,8 +63,8 @@ class BoxTree {
     fill(RowOrder{rows, order.data(), order.size()}, box_of, groups);
   }
 
-  /// Replaces the contents by `size` boxes around that origin, which the caller then sets: box i is lane i % 8 of group
-  /// i / 8 of what this returns. The tree is complete after finish().
+  /// Replaces the contents by `size` boxes around that origin, which the caller then sets by set_box() in what this
+  /// returns. The tree is complete after finish().
   BoxGroup* start(std::size_t size, const Vec3d& origin);
   void finish();
   /// A side of a box in metres from the tree's origin, rounded outwards.
@@ -115,6 +116,19 @@ class BoxTree {
 inline float BoxTree::lower_side(double metres) noexcept {
   const auto nearest = static_cast<float>(metres);
   return nearest - 0x1p-23f * std::abs(nearest);
+}
+
+/// Sets box `i` of a tree with that origin, between BoxTree::start() and finish(): it is lane i % 8 of group i / 8.
+inline void set_box(BoxGroup* groups, std::size_t i, const geometry::CornerBox& box, const Vec3d& origin) noexcept {
+  BoxGroup& group = groups[i / tree_width];
+  const std::size_t lane = i % tree_width;
+  const Vec3d low = box.lower - origin, high = box.upper - origin;
+  group.lower[0][lane] = BoxTree::lower_side(low.x);
+  group.lower[1][lane] = BoxTree::lower_side(low.y);
+  group.lower[2][lane] = BoxTree::lower_side(low.z);
+  group.upper[0][lane] = BoxTree::upper_side(high.x);
+  group.upper[1][lane] = BoxTree::upper_side(high.y);
+  group.upper[2][lane] = BoxTree::upper_side(high.z);
 }
 
 /// The largest number of levels: 8^10 boxes.

@@ -43,17 +43,6 @@ CornerBox box_around(std::span<const PublishedState> states) noexcept {
   return {low, high};
 }
 
-/// Sets one lane of a group.
-void set_lane(queries::BoxGroup& group, std::size_t lane, const CornerBox& box, const Vec3d& origin) noexcept {
-  const Vec3d low = box.lower - origin, high = box.upper - origin;
-  group.lower[0][lane] = BoxTree::lower_side(low.x);
-  group.lower[1][lane] = BoxTree::lower_side(low.y);
-  group.lower[2][lane] = BoxTree::lower_side(low.z);
-  group.upper[0][lane] = BoxTree::upper_side(high.x);
-  group.upper[1][lane] = BoxTree::upper_side(high.y);
-  group.upper[2][lane] = BoxTree::upper_side(high.z);
-}
-
 /// The volume of a box that is wider by `by` along each axis: the share of readers that list it. Sides have an upper
 /// bound, so that the box of an object which is far away from all others does not hide what becomes of their boxes.
 double widened_volume(const CornerBox& box, double by) noexcept {
@@ -154,7 +143,7 @@ double Publication::set_boxes(FrameBuffer& buffer) const {
   for (std::size_t leaf = 0; leaf < leaves; ++leaf) {
     const std::size_t first = leaf * leaf_size;
     const CornerBox box = box_around(states.subspan(first, std::min(leaf_size, states.size() - first)));
-    set_lane(groups[leaf / queries::tree_width], leaf % queries::tree_width, box, origin);
+    queries::set_box(groups, leaf, box, origin);
     widen(buffer.bounds, box);
     cost += widened_volume(box, 2 * interest_);
   }

@@ -91,6 +91,10 @@ class Publication {
     const FrameBuffer* buffer = find_buffer(frame);
     return buffer ? &buffer->tree : nullptr;
   }
+  /// Reader: prefetches what tree(), states() and bounds() read.
+  void prefetch() const noexcept {
+    for (const FrameBuffer& buffer : buffers_) base::prefetch_object(buffer);
+  }
   /// Reader: the smallest box that contains all positions; empty if there are none.
   geometry::CornerBox bounds(std::uint64_t frame) const noexcept;
   /// Reader, after use of what it read of `frame`: whether that was consistent throughout.

@@ -14,14 +14,47 @@ using geometry::CornerBox;
 void InterestReader::begin(std::uint64_t frame, const HostPublication* own) {
   frame_ = frame;
   own_ = own;
-  const std::size_t parity = frame & 1;
   start_list();
+  list_sources();
+  index_sources();
+}
+
+// With many nodes these are many small publications, which other cores have written: what is read of them is prefetched
+// in a pipeline.
+void InterestReader::list_sources() {
+  constexpr std::size_t ahead = 4;
+  const std::size_t parity = frame_ & 1;
+  const std::vector<const Published*>& all = publications_.relays[parity];
   sources_.clear();
-  for (const Published* published : publications_.relays[parity]) {
-    const queries::BoxTree* const tree = published->publication->tree(frame);
-    if (!published->any[parity] || tree == nullptr) continue;
-    const bool is_own = own != nullptr && published == &own->published;
-    sources_.push_back({published->bounds[parity], tree, published->publication->states(frame), is_own});
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (i + 2 * ahead < all.size()) base::prefetch_object(*all[i + 2 * ahead]);
+    if (i + ahead < all.size()) all[i + ahead]->publication->prefetch();
+    const Published& published = *all[i];
+    const queries::BoxTree* const tree = published.publication->tree(frame_);
+    if (!published.any[parity] || tree == nullptr) continue;
+    const bool is_own = own_ != nullptr && &published == &own_->published;
+    sources_.push_back({published.bounds[parity], tree, published.publication->states(frame_), is_own});
+  }
+}
+
+// The nodes are in the order of their regions, so neighbours are near each other.
+void InterestReader::index_sources() {
+  if (sources_.empty()) return;
+  const Vec3d origin = sources_.front().bounds.lower;
+  queries::BoxGroup* const groups = source_tree_.start(sources_.size(), origin);
+  for (std::size_t i = 0; i < sources_.size(); ++i) queries::set_box(groups, i, sources_[i].bounds, origin);
+  source_tree_.finish();
+}
+
+/// Lists the sources that a box touches.
+void InterestReader::list_near(const CornerBox& box) {
+  near_.clear();
+  if (sources_.empty()) return;
+  const std::size_t ranges = touched_.find(source_tree_, source_tree_.box_of(box.lower, box.upper));
+  for (std::size_t i = 0; i < ranges; ++i) {
+    for (std::uint32_t at = touched_[i].first; at < touched_[i].end; ++at) {
+      if (box.touches(sources_[at].bounds)) near_.push_back(&sources_[at]);
+    }
   }
 }
 
@@ -113,10 +146,7 @@ void InterestReader::select(const Source& source) noexcept {
 // in a pipeline.
 void InterestReader::read_one_box() {
   constexpr std::size_t ahead = 4;
-  near_.clear();
-  for (const Source& source : sources_) {
-    if (boxes_.front().touches(source.bounds)) near_.push_back(&source);
-  }
+  list_near(boxes_.front());
   for (std::size_t i = 0; i < near_.size(); ++i) {
     if (i + 2 * ahead < near_.size()) base::prefetch_object(*near_[i + 2 * ahead]->tree);
     if (i + ahead < near_.size()) near_[i + ahead]->tree->prefetch_top();

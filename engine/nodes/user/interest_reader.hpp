@@ -69,8 +69,11 @@ class InterestReader {
   };
 
   void start_list();
+  void list_sources();
+  void index_sources();
   void list_boxes(const Host& host);
   void list_own_places(const OwnStates& own);
+  void list_near(const geometry::CornerBox& box);
   void read_one_box();
   void read_one_box(const Source& source);
   void read_union(const Source& source);
@@ -85,6 +88,7 @@ class InterestReader {
   std::uint64_t frame_ = 0;
   const HostPublication* own_ = nullptr;
   std::vector<Source> sources_;             ///< of this frame
+  queries::BoxTree source_tree_;            ///< of their bounds
   SeenList seen_[2];                        ///< by parity of the frame
   std::size_t seen_room_ = 0;               ///< for spans, of each of them when it is started
   std::vector<geometry::CornerBox> boxes_;  ///< around the avatars
