@@ -60,7 +60,7 @@ class Mover {
   std::array<geometry::Bounds, Host::batch> bounds_;
   std::array<geometry::FixedPoint, Host::batch> points_;  ///< positions
   const bool keeps_;                                      ///< objects are host-owned
-  const bool reports_rest_;                               ///< but not while they rest
+  const bool reports_rest_;                               ///< objects that rest are not, and are reported
   bool done_ = true;
   bool publishes_ = false;  ///< in this frame
 };

@@ -107,8 +107,8 @@ class Host : public HostedObjects {
   FaultPoint* fault_;
   bool uses_contacts_;
   bool list_all_next_ = false;
-  bool list_all_ = false;  ///< list_all() applies to this move
-  bool lists_host_owned_ = true;
+  bool list_all_ = false;         ///< list_all() applies to this move
+  bool lists_host_owned_ = true;  ///< see list_host_owned()
   HostContacts contacts_;
   struct Steered {
     ObjectNumber number;

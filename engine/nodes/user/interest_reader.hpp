@@ -88,7 +88,7 @@ class InterestReader {
   std::uint64_t frame_ = 0;
   const HostPublication* own_ = nullptr;
   std::vector<Source> sources_;             ///< of this frame
-  queries::BoxTree source_tree_;            ///< of their bounds
+  queries::BoxTree source_tree_;            ///< of their bounds; box i is that of source i
   SeenList seen_[2];                        ///< by parity of the frame
   std::size_t seen_room_ = 0;               ///< for spans, of each of them when it is started
   std::vector<geometry::CornerBox> boxes_;  ///< around the avatars

@@ -7,8 +7,8 @@
 
 namespace ringfence::nodes {
 
-void ReportedStates::receive(PeerSession& session, const messages::MessageView& message) {
-  session.received.bytes += message.header().bytes;
+void ReportedStates::receive(PeerSession& node, const messages::MessageView& message) {
+  node.received.bytes += message.header().bytes;
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
@@ -26,7 +26,7 @@ void ReportedStates::receive(PeerSession& session, const messages::MessageView& 
     }
     const auto& record = message.view<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects.find(record.object);
-    if (slot == base::NumberIndex::none || objects.host(slot) != session.self) {
+    if (slot == base::NumberIndex::none || objects.host(slot) != node.self) {
       state_.refuse(slot == base::NumberIndex::none ? Status::stale_object : Status::not_host);
       continue;
     }
@@ -71,7 +71,7 @@ void ReportedStates::receive(PeerSession& session, const messages::MessageView& 
       objects.mark_moved(slot);
     }
   }
-  session.received.states |= message.last();
+  node.received.states |= message.last();
   statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
