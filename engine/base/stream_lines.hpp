@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <span>
 #include <type_traits>
 
@@ -25,6 +27,26 @@ void stream_lines(std::span<const Line> from, Line* to) noexcept {
 #else
   for (std::size_t i = 0; i < from.size(); ++i) to[i] = from[i];
 #endif
+}
+
+/// Copies bytes: whole cache lines of `to` past the caches where the processor can, what is left at both ends through
+/// them. Before another thread may read them, call finish_streams().
+inline void stream_bytes(std::byte* to, const std::byte* from, std::size_t bytes) noexcept {
+#if defined(__SSE2__)
+  constexpr std::size_t line = 64;
+  const std::size_t in_line = reinterpret_cast<std::uintptr_t>(to) % line;
+  const std::size_t before = in_line == 0 ? 0 : line - in_line;
+  if (bytes >= before + line) {
+    std::memcpy(to, from, before);
+    const std::size_t end = bytes - (bytes - before) % line;
+    for (std::size_t at = before; at < end; at += sizeof(__m128i)) {
+      _mm_stream_si128(reinterpret_cast<__m128i*>(to + at),
+                       _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + at)));
+    }
+    to += end, from += end, bytes -= end;
+  }
+#endif
+  std::memcpy(to, from, bytes);
 }
 
 /// Orders the copies before later stores of this thread: release stores do not.

@@ -51,11 +51,11 @@ void ThreadAtomics::wake(const Atomic<std::uint32_t>& word) noexcept {
   futex(word, FUTEX_WAKE_BITSET | FUTEX_PRIVATE_FLAG, INT_MAX, nullptr);
 }
 
-bool ThreadAtomics::prefetches_writes() noexcept {
+bool ThreadAtomics::streams_copies() noexcept {
 #if defined(__x86_64__)
-  return __builtin_cpu_is("amd") == 0;
+  return __builtin_cpu_is("amd") != 0;
 #else
-  return true;
+  return false;
 #endif
 }
 

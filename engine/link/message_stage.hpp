@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -17,12 +18,13 @@ namespace ringfence::link {
 template <class Policy>
 class MessageStage {
  public:
-  /// `memory` is whole cache lines and outlives the stage; it is empty or has room for Policy::lines.stage_up_to bytes,
-  /// a header and a line.
+  /// `memory` is empty or whole cache lines, and outlives the stage.
   explicit MessageStage(std::span<std::byte> memory) noexcept : memory_(memory) {}
 
-  /// Whether messages of `size` bytes are staged at all.
-  bool takes(std::size_t size) const noexcept { return size <= lines.stage_up_to && !memory_.empty(); }
+  /// Size in bytes of the longest message that fits into a stage with `memory` bytes, wherever it starts; 0: none does.
+  static constexpr std::size_t largest_message_of(std::size_t memory) noexcept {
+    return memory - std::min(memory, RunHeader::bytes + lines.line);
+  }
 
   /// Position of the first byte that is in the stage and not in the ring.
   std::uint64_t begin() const noexcept { return begin_; }

@@ -16,13 +16,13 @@ namespace ringfence::link {
 ///
 /// The writer keeps its own position, the published position and the last position of the reader that it has read in
 /// members, on cache lines that no other thread accesses. It reads the shared head only when the cached head leaves no
-/// room. Where that is faster, it prefetches the lines that it will write (see CacheLineTuning). The reader does the
-/// same with the tail.
+/// room. The reader does the same with the tail.
 ///
 /// A message is *staged* from commit() to publish(). Large messages are written in place. With memory for a
 /// MessageStage, small messages that are published together are put together there, those of one length as runs (see
-/// RunHeader), and copied into the ring in one piece. A message that is published alone, as the one before it was, is
-/// written in place: the copy would only add to its latency.
+/// RunHeader), and copied into the ring in one piece. A small message that is published alone, as the one before it
+/// was, is written in place: the copy would only add to its latency. Depending on the processor, copies are streamed
+/// past the caches, or lines are prefetched before they are written (see CacheLineTuning).
 ///
 /// A new writer may take over the ring of a writer that was killed. It continues after the last published message;
 /// staged messages are lost, each as a whole.
@@ -32,14 +32,17 @@ namespace ringfence::link {
 template <class Policy>
 class RingWriter {
  public:
-  /// `stage` is empty or as MessageStage demands.
+  /// `stage` is empty or as MessageStage demands; it limits the size of the messages that are staged.
   explicit RingWriter(Ring<Policy> ring, std::span<std::byte> stage = {}) noexcept
       : control_(ring.control),
         bytes_(ring.bytes),
         mask_(ring.control->capacity - 1),
         usable_bytes_(ring.control->capacity + (Policy::defect == Defect::capacity_off_by_one ? 8 : 0)),
         largest_(largest_message_of(ring.control->capacity)),
-        prefetch_from_(Policy::prefetches_writes() ? lines.prefetch_from : largest_ + 1),
+        stage_up_to_(std::min(Policy::streams_copies() ? lines.stream_up_to : lines.stage_up_to,
+                              MessageStage<Policy>::largest_message_of(stage.size()))),
+        stage_alone_from_(Policy::streams_copies() ? lines.stream_from : largest_ + 1),
+        prefetch_from_(Policy::streams_copies() ? largest_ + 1 : lines.prefetch_from),
         stage_(stage) {
     tail_ = published_ = control_->tail.load(std::memory_order_relaxed) & ~RingControl<Policy>::flags;
     stage_.start_at(tail_);
@@ -59,7 +62,7 @@ class RingWriter {
     if (claimed_in_run_) return stage_.at(tail_);
     if (size > largest_ || !fits(size)) [[unlikely]]
       return nullptr;
-    claimed_in_stage_ = batching_ && stage_.takes(size);
+    claimed_in_stage_ = size <= stage_up_to_ && (batching_ || size >= stage_alone_from_);
     return claimed_in_stage_ ? room_in_stage(size) : room_in_ring();
   }
 
@@ -254,7 +257,9 @@ class RingWriter {
   std::uint64_t mask_;
   std::uint64_t usable_bytes_;
   std::size_t largest_;
-  std::size_t prefetch_from_;     ///< messages of at least this size prefetch the lines after them
+  std::size_t stage_up_to_;       ///< messages of up to this size are staged; 0: none
+  std::size_t stage_alone_from_;  ///< messages of at least this size also if they are published alone
+  std::size_t prefetch_from_;     ///< messages in place of at least this size prefetch the lines after them
   std::uint64_t tail_;            ///< position of the next message
   std::uint64_t head_seen_;       ///< the cached head
   std::uint64_t head_flags_ = 0;  ///< flags of the cached head: `waiting` is already set, or the reader has closed

@@ -222,10 +222,13 @@ struct CheckedAtomics {
   static bool is_past(Time deadline) { return explorer().is_past(deadline); }
 
   /// Lines of 16 bytes, so that a ring of 64 bytes has several. Small messages fill a line, larger ones are padded, and
-  /// both sides prefetch. Messages of up to two words are staged where there is a stage.
+  /// both sides prefetch. Messages of up to two words are staged where there is a stage, or with StreamedCopies of up
+  /// to four.
   static constexpr link::CacheLineTuning lines{.line = 16,
                                                .pad_from = 32,
                                                .stage_up_to = 16,
+                                               .stream_from = 16,
+                                               .stream_up_to = 32,
                                                .prefetch_from = 8,
                                                .write_prefetch = 48,
                                                .write_prefetch_step = 16,
@@ -235,12 +238,19 @@ struct CheckedAtomics {
   static void prefetch_for_write(const std::byte* at) { explorer().prefetch_for_write(at, lines.line); }
   static void prefetch_for_read(const std::byte* at) { explorer().prefetch_for_read(at); }
   static void prefetch_awaited(const std::byte*) {}
-  static bool prefetches_writes() { return true; }
+  static bool streams_copies() { return false; }
   static void pause() {}
   static void yield() {}
   static void add_waiting_thread() {}
   static void remove_waiting_thread() {}
   static link::SpinPolicy spin_policy() { return {}; }
+};
+
+/// As on processors where copies into a ring are streamed: nothing is prefetched for writing, and larger messages are
+/// staged, also those that are published alone.
+template <class Policy>
+struct StreamedCopies : Policy {
+  static bool streams_copies() { return true; }
 };
 
 /// Runs `Program` in every possible way, until it fails, everything is explored, or `max_executions` have run.

@@ -403,6 +403,12 @@ Verdict explore_all() {
   next("a stage that crosses the end", std::type_identity<Staging<Policy, 1>>());
   next("large messages after a run", std::type_identity<Staging<Policy, 2>>());
   next("a short message in a run", std::type_identity<Staging<Policy, 3>>());
+  using Streamed = StreamedCopies<Policy>;
+  next("all of it staged", std::type_identity<Staging<Streamed, 0>>());
+  next("all of it staged, across the end", std::type_identity<Staging<Streamed, 1>>());
+  next("all of it staged, after a run", std::type_identity<Staging<Streamed, 2>>());
+  next("all of it staged, a short message in a run", std::type_identity<Staging<Streamed, 3>>());
+  next("two messages, staged alone", std::type_identity<Streaming<Streamed, 2, 32, true, true, true>>());
   next("two messages and the end", std::type_identity<Streaming<Policy, 2, 32, true, true>>());
   next("echo", std::type_identity<Echo<Policy>>());
   next("polling", std::type_identity<Polling<Policy>>());

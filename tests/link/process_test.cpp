@@ -43,7 +43,7 @@ std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(nu
 [[noreturn]] void produce(Shared& shared, std::uint64_t first) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   // Staged messages are in the memory of this process, and are lost with it.
-  alignas(cache_line_pair_bytes) static std::byte stage[2048];
+  alignas(cache_line_pair_bytes) static std::byte stage[4096 + 2048];
   BasicSender<ProcessAtomics> sender(open_ring<ProcessAtomics>(shared.ring), &shared.consumers, stage);
   // The previous producer may have been killed between publishing and ringing.
   shared.consumers.ring();
