@@ -1,9 +1,8 @@
 #include "link/frame_traffic.hpp"
 
+#include <algorithm>
 #include <memory>
 
-#include "messages/header.hpp"
-#include "messages/records.hpp"
 #include "ringfence/world.hpp"
 #include "worlds/load.hpp"
 #include "worlds/paper_world.hpp"
@@ -32,11 +31,9 @@ FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
   const FrameReport& report = world.report();
   FrameTraffic traffic;
   traffic.state_bytes = (model->state_bytes() + 7) / 8 * 8;
-  // The report counts M2 as a whole. The numbers of its two kinds of records follow from their sizes.
-  const TrafficReport& m2 = report.traffic[static_cast<std::size_t>(Traffic::m2)];
-  const std::uint64_t records_bytes = m2.bytes - m2.messages * sizeof(messages::Header);
-  const std::uint64_t positions = (records_bytes - m2.records * sizeof(messages::PairRecord)) /
-                                  (sizeof(messages::PositionRecord) - sizeof(messages::PairRecord));
+  // M2 has one record for each pair that a node tests; its other records are positions.
+  std::uint64_t positions = report.traffic[static_cast<std::size_t>(Traffic::m2)].records;
+  for (const NodeReport& node : report.nodes) positions -= std::min<std::uint64_t>(positions, node.candidates);
   for (const NodeReport& node : report.nodes) {
     NodeTraffic& node_traffic = traffic.nodes.emplace_back();
     node_traffic.states = node.hosted;
