@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "base/prefetch.hpp"
 #include "ringfence/world.hpp"
 #include "worlds/load.hpp"
 
@@ -14,6 +15,8 @@ class RecordedMotion final : public MotionModel {
   void set_poses(const Pose* poses) noexcept { poses_ = poses; }
   bool uses_contacts() const noexcept override { return false; }
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    // Inputs are in the order of the objects in memory, which is not that of their numbers.
+    for (const MotionInput& input : inputs) base::prefetch_object(poses_[input.number - 1]);
     for (std::size_t i = 0; i < inputs.size(); ++i) outputs[i].pose = poses_[inputs[i].number - 1];
   }
 

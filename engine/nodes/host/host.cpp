@@ -194,7 +194,13 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                  ObjectContacts(contacts_.list(), contacts_of(first + i)),
                  {},
                  nullptr};
-    scratch_->outputs[i] = {hosted.pose, present, states + i * state_bytes_, false};
+    // Field by field: g++ 12 puts an aggregate together on the stack and copies it by loads that are wider than the
+    // stores before them, so each waits until those stores have left the processor (5 % of a frame).
+    MotionOutput& output = scratch_->outputs[i];
+    output.pose = hosted.pose;
+    output.enabled = present;
+    output.state = states + i * state_bytes_;
+    output.jump = false;
   }
   if (!frame_inputs_.empty()) {
     frame_inputs_.set(first, std::span(inputs).first(count));
