@@ -49,12 +49,14 @@ class NodeContactOrder {
   template <class Visit>
   void visit(Visit each) const {
     // Each stage reads what the one before has prefetched.
-    constexpr std::size_t objects_ahead = 10, found_ahead = 20, source_ahead = 30;
+    constexpr std::size_t objects_ahead = 10, found_ahead = 20, lists_ahead = 30, source_ahead = 40;
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + source_ahead < size()) {
         base::prefetch_for_read(&sources_[place(i + source_ahead)]);
+        node_contacts_[sources_[place(i + lists_ahead)].node]->prefetch_lists();
         const Source& later = sources_[place(i + found_ahead)];
         base::prefetch_for_read(&node_contacts_[later.node]->found[later.position]);
+        base::prefetch_for_read(&node_contacts_[later.node]->begun[later.position]);
       }
       if (i + objects_ahead < size()) {
         const Source& soon = sources_[place(i + objects_ahead)];

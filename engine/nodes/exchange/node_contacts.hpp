@@ -198,6 +198,11 @@ struct NodeContacts {
     base::prefetch_for_read(&bodies[one.body_a]);
     base::prefetch_for_read(&bodies[one.body_b]);
   }
+  /// Prefetches what refers to the contacts.
+  void prefetch_lists() const noexcept {
+    base::prefetch_for_read(&frame);
+    base::prefetch_for_read(&begun);
+  }
   /// Prefetches what ContactLedger::compare_borders() reads first.
   void prefetch_summary() const noexcept {
     base::prefetch_for_read(&keys);

@@ -20,6 +20,34 @@ std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key) noexce
   return static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
 }
 
+/// The same, where it is probably near `guess`: a search from there reads one or two cache lines of a long list.
+std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key, std::size_t guess) noexcept {
+  std::size_t first = std::min(guess, keys.size());
+  std::size_t last = first;
+  for (std::size_t step = 4; first > 0 && keys[first - 1] >= key; step *= 2) {
+    last = first - 1;
+    first -= std::min(step, first);
+  }
+  for (std::size_t step = 4; last < keys.size() && keys[last] < key; step *= 2) {
+    first = last + 1;
+    last += std::min(step, keys.size() - last);
+  }
+  return first + below(keys.subspan(first, last - first), key);
+}
+
+/// Guesses where in the list of one node the keys of a slice begin: at the same part of each list, because the numbers
+/// of objects say little about where they are.
+class SliceBegin {
+ public:
+  SliceBegin(const OutputMerge& output_merge, std::size_t share) noexcept
+      : part_((static_cast<std::uint64_t>(share) << 32) / output_merge.shares) {}
+  std::size_t in(std::span<const std::uint64_t> keys) const noexcept { return keys.size() * part_ >> 32; }
+  void prefetch(std::span<const std::uint64_t> keys) const noexcept { base::prefetch_for_read(keys.data() + in(keys)); }
+
+ private:
+  std::uint64_t part_;  ///< times 2^-32
+};
+
 }  // namespace
 
 std::uint64_t OutputMerge::key_at(std::size_t share) const noexcept {
@@ -46,8 +74,14 @@ void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMerge
   const std::uint64_t end_key = output_merge.key_at(share + 1);
   std::size_t at = 0;
   scratch.ended_order.clear();
-  for (const std::span<const std::uint64_t> ending : output_merge.endings) {
-    std::size_t next = below(ending, first_key);
+  const SliceBegin begins(output_merge, share);
+  constexpr std::size_t ahead = 12;
+  for (std::size_t i = 0; i < output_merge.endings.size(); ++i) {
+    if (i + ahead < output_merge.endings.size()) {
+      begins.prefetch(output_merge.endings[i + ahead]);
+    }
+    const std::span<const std::uint64_t> ending = output_merge.endings[i];
+    std::size_t next = below(ending, first_key, begins.in(ending));
     at += next;
     for (; next < ending.size() && ending[next] < end_key; ++next) {
       scratch.ended_order.add(ending[next]);
@@ -90,9 +124,21 @@ void sort_listed(const OutputMerge& output_merge, std::size_t share, OutputMerge
   order.start(output_merge.node_contacts);
   const std::uint64_t first_key = output_merge.key_at(share);
   const std::uint64_t end_key = output_merge.key_at(share + 1);
-  for (NodeNumber node = 0; node < output_merge.node_contacts.size(); ++node) {
+  // With many nodes the lists of most are in no cache of this core. Each stage reads what the one before has
+  // prefetched.
+  const SliceBegin begins(output_merge, share);
+  constexpr std::size_t keys_ahead = 12;
+  constexpr std::size_t lists_ahead = 24;
+  const std::size_t nodes = output_merge.node_contacts.size();
+  for (NodeNumber node = 0; node < nodes; ++node) {
+    if (node + lists_ahead < nodes) {
+      base::prefetch_for_read(&output_merge.node_contacts[node + lists_ahead]->keys);
+    }
+    if (node + keys_ahead < nodes) {
+      begins.prefetch(output_merge.node_contacts[node + keys_ahead]->keys.span());
+    }
     const auto keys = output_merge.node_contacts[node]->keys.span();
-    std::size_t next = below(keys, first_key);
+    std::size_t next = below(keys, first_key, begins.in(keys));
     scratch.listed_at += next;
     const FoundContact* const found = output_merge.node_contacts[node]->found.data();
     for (; next < keys.size() && keys[next] < end_key; ++next) {
