@@ -123,6 +123,12 @@ class alignas(cache_line_pair_bytes) BasicReceiver {
     return reader_.next();
   }
 
+  /// What next() will return; empty if there is no message yet. Valid until release().
+  std::span<const std::byte> peek() noexcept {
+    if (!reader_.available()) return {};
+    return reader_.peek();
+  }
+
   /// Whether next() would return a message. The condition that the owner of a doorbell waits for.
   bool has_message() noexcept { return reader_.available(); }
 

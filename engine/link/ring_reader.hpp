@@ -39,13 +39,18 @@ class RingReader {
     Policy::prefetch_awaited(bytes_ + (read_ & mask_));
   }
 
+  /// What next() will return. Precondition: available(). Valid until release().
+  std::span<const std::byte> peek() noexcept {
+    if (left_ == 0) start_run();
+    return {message_, length_};
+  }
+
   /// The payload of the next message, in place. Precondition: available(). Valid until release().
   std::span<const std::byte> next() noexcept {
-    if (left_ == 0) start_run();
-    const std::byte* const message = message_;
+    const std::span<const std::byte> message = peek();
     message_ += RunHeader::pitch_of(length_);
     if (--left_ == 0) read_ = run_end_;
-    return {message, length_};
+    return message;
   }
 
   /// Releases the messages that next() has returned, those of a run when its last one has been returned. Returns true

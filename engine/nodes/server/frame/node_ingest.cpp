@@ -40,10 +40,10 @@ bool NodeIngest::receive_reports() {
   return reports_.accept() || any;
 }
 
-// A session, the receiver and the message are on lines that this core has not had since the last step: three reads that
-// depend on each other are prefetched in a pipeline.
+// A session, the receiver, the message, its records and their objects are on lines that this core has not had since the
+// last step: reads that depend on each other are prefetched in a pipeline.
 bool NodeIngest::receive_from_senders() {
-  constexpr std::size_t ahead = 4;
+  constexpr std::size_t ahead = 4, stages = 5;
   senders_.clear();
   state_.setup.frame_control->take_senders([this](NodeNumber slot) {
     if (slot < state_.nodes.size() && state_.nodes[slot].is_active()) {
@@ -54,7 +54,7 @@ bool NodeIngest::receive_from_senders() {
     return i >= by && i - by < senders_.size() ? &state_.nodes[senders_[i - by]] : nullptr;
   };
   bool any = false;
-  for (std::size_t i = 0; i < senders_.size() + 3 * ahead; ++i) {
+  for (std::size_t i = 0; i < senders_.size() + stages * ahead; ++i) {
     if (const PeerSession* node = behind(i, 0)) {
       base::prefetch_for_read(&node->connection);
     }
@@ -64,7 +64,13 @@ bool NodeIngest::receive_from_senders() {
     if (const PeerSession* node = behind(i, 2 * ahead)) {
       node->connection.in->prefetch();
     }
-    if (PeerSession* node = behind(i, 3 * ahead)) {
+    if (const PeerSession* node = behind(i, 3 * ahead)) {
+      ReportedStates::prefetch_records(node->connection.in->peek());
+    }
+    if (const PeerSession* node = behind(i, 4 * ahead)) {
+      reported_states_.prefetch_objects(node->connection.in->peek());
+    }
+    if (PeerSession* node = behind(i, stages * ahead)) {
       any |= node->is_active() && drain(*node);
     }
   }

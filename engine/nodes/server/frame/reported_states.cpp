@@ -7,18 +7,39 @@
 
 namespace ringfence::nodes {
 
+void ReportedStates::prefetch_records(std::span<const std::byte> message) noexcept {
+  constexpr std::size_t most = 1024;
+  for (std::size_t at = 64; at < std::min(message.size(), most); at += 64) {
+    base::prefetch_for_read(message.data() + at);
+  }
+}
+
+void ReportedStates::prefetch_objects(std::span<const std::byte> bytes) const noexcept {
+  messages::MessageView message;
+  if (messages::decode(bytes, state_.objects.state_bytes(), message) != Status::ok ||
+      message.type() != messages::MessageType::node_state) {
+    return;
+  }
+  for (std::size_t i = 0; i < std::min(message.count(), ahead); ++i) {
+    prefetch_object(message, i);
+  }
+}
+
+void ReportedStates::prefetch_object(const messages::MessageView& message, std::size_t i) const noexcept {
+  const auto& object = message.view<messages::ObjectRef>(i);
+  const bool sweeps = state_.setup.placement == Placement::server;
+  state_.objects.prefetch(object.slot, sweeps || (object.flags & messages::flag_interior) == 0);
+}
+
 void ReportedStates::receive(PeerSession& node, const messages::MessageView& message) {
   node.received.bytes += message.header().bytes;
   const std::uint64_t start = telemetry::now_ns();
-  constexpr std::size_t ahead = 12;
-  const bool sweeps = state_.setup.placement == Placement::server;
   const bool nodes_keep_states = states_.nodes_keep_states();
   ObjectTable& objects = state_.objects;
   const regions::CellGrid& grid = state_.map.grid();
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
-      const auto& soon = message.view<messages::ObjectRef>(i + ahead);
-      objects.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
+      prefetch_object(message, i + ahead);
     }
     if (i + 2 * ahead < message.count()) {
       base::prefetch_for_read(message.at(i + 2 * ahead));
@@ -78,7 +99,6 @@ void ReportedStates::receive(PeerSession& node, const messages::MessageView& mes
 // The other nodes have received the object from its host.
 bool ReportedStates::receive_replicas(PeerSession& node, const messages::MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
-  constexpr std::size_t ahead = 12;
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
