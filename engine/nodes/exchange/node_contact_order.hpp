@@ -49,21 +49,24 @@ class NodeContactOrder {
   template <class Visit>
   void visit(Visit each) const {
     // Each stage reads what the one before has prefetched.
-    constexpr std::size_t objects_ahead = 10, found_ahead = 20, lists_ahead = 30, source_ahead = 40;
-    for (std::size_t i = 0; i < size(); ++i) {
-      if (i + source_ahead < size()) {
-        base::prefetch_for_read(&sources_[place(i + source_ahead)]);
-        node_contacts_[sources_[place(i + lists_ahead)].node]->prefetch_lists();
-        const Source& later = sources_[place(i + found_ahead)];
-        base::prefetch_for_read(&node_contacts_[later.node]->found[later.position]);
-        base::prefetch_for_read(&node_contacts_[later.node]->begun[later.position]);
+    constexpr std::size_t ahead = 10;
+    for (std::size_t i = 0; i < size() + 4 * ahead; ++i) {
+      if (i < size()) {
+        base::prefetch_for_read(&sources_[place(i)]);
       }
-      if (i + objects_ahead < size()) {
-        const Source& soon = sources_[place(i + objects_ahead)];
-        node_contacts_[soon.node]->prefetch(node_contacts_[soon.node]->found[soon.position]);
+      if (const Source* source = behind(i, ahead)) {
+        node_contacts_[source->node]->prefetch_lists();
       }
-      const Source& source = sources_[place(i)];
-      each(key(i), source.node, source.position, node_contacts_[source.node]->phase(source.position));
+      if (const Source* source = behind(i, 2 * ahead)) {
+        base::prefetch_for_read(&node_contacts_[source->node]->found[source->position]);
+        base::prefetch_for_read(&node_contacts_[source->node]->begun[source->position]);
+      }
+      if (const Source* source = behind(i, 3 * ahead)) {
+        node_contacts_[source->node]->prefetch(node_contacts_[source->node]->found[source->position]);
+      }
+      if (const Source* source = behind(i, 4 * ahead)) {
+        each(key(i - 4 * ahead), source->node, source->position, node_contacts_[source->node]->phase(source->position));
+      }
     }
   }
 
@@ -72,6 +75,10 @@ class NodeContactOrder {
     NodeNumber node;
     std::uint32_t position;
   };
+  /// The source of contact i - `by`; null if there is none.
+  const Source* behind(std::size_t i, std::size_t by) const noexcept {
+    return i >= by && i - by < size() ? &sources_[place(i - by)] : nullptr;
+  }
   std::size_t place(std::size_t i) const noexcept { return ascending_ ? i : order_.at(i); }
 
   std::span<NodeContacts* const> node_contacts_;

@@ -198,7 +198,7 @@ struct NodeContacts {
     base::prefetch_for_read(&bodies[one.body_a]);
     base::prefetch_for_read(&bodies[one.body_b]);
   }
-  /// Prefetches what refers to the contacts.
+  /// Prefetches the addresses of the lists that prefetch(), write() and phase() read.
   void prefetch_lists() const noexcept {
     base::prefetch_for_read(&frame);
     base::prefetch_for_read(&begun);

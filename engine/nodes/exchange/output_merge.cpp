@@ -20,7 +20,7 @@ std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key) noexce
   return static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
 }
 
-/// The same, where it is probably near `guess`: a search from there reads one or two cache lines of a long list.
+/// The same, where it is probably near `guess`: a search from there reads few cache lines of a long list.
 std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key, std::size_t guess) noexcept {
   std::size_t first = std::min(guess, keys.size());
   std::size_t last = first;

@@ -195,7 +195,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                  {},
                  nullptr};
     // Field by field: g++ 12 puts an aggregate together on the stack and copies it by loads that are wider than the
-    // stores before them, so each waits until those stores have left the processor (5 % of a frame).
+    // stores before them, so each waits until those stores are in the cache (5 % of a frame).
     MotionOutput& output = scratch_->outputs[i];
     output.pose = hosted.pose;
     output.enabled = present;
