@@ -125,6 +125,7 @@ class HullAssembly {
     assembly.place_vertices();
     assembly.measure();
     assembly.place_planes();
+    assembly.place_fixed_point_planes();
     assembly.place_edges();
     assembly.place_faces_of_edges();
     return std::move(assembly.hull_);
@@ -214,6 +215,12 @@ class HullAssembly {
     hull_.volume_ = six_volumes / 6;
     hull_.centroid_ = to_float(base + moment * (1 / six_volumes));
     hull_.bounding_radius_ = rounded_up(std::sqrt(radius_squared));
+    double extent_squared = 0;
+    for (const std::uint32_t i : used_) {
+      const Vec3d p = to_double(points_[i]) - to_double(hull_.centroid_);
+      extent_squared = std::max(extent_squared, dot(p, p));
+    }
+    hull_.extent_ = rounded_up(std::sqrt(extent_squared));
   }
 
   void place_planes() {
@@ -237,6 +244,22 @@ class HullAssembly {
       inner = std::min(inner, offset - dot(to_double(normal), to_double(hull_.centroid_)));
     }
     hull_.inner_radius_ = static_cast<float>(std::max(0.0, inner * (1 - 1e-6)));
+  }
+
+  void place_fixed_point_planes() {
+    const std::size_t faces = hull_.face_count_, stride = padded_fixed_point(faces);
+    const auto rounded = [](double value) {
+      return static_cast<std::int16_t>(std::clamp(std::lround(value * 32768), -32767L, 32767L));
+    };
+    hull_.fixed_point_planes_.resize(4 * stride);
+    for (std::size_t i = 0; i < stride; ++i) {
+      const std::size_t face = i < faces ? i : 0;
+      const Vec3d normal = to_double(hull_.normal(face));
+      const double distance = hull_.offset()[face] - dot(normal, to_double(hull_.centroid_));
+      const double values[4] = {normal.x, normal.y, normal.z, distance / hull_.extent_};
+      std::int16_t* const group = &hull_.fixed_point_planes_[i / fixed_point_lanes * 4 * fixed_point_lanes];
+      for (std::size_t k = 0; k < 4; ++k) group[k * fixed_point_lanes + i % fixed_point_lanes] = rounded(values[k]);
+    }
   }
 
   void place_faces_of_edges() {

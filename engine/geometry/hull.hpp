@@ -13,11 +13,17 @@ namespace ringfence::geometry {
 
 /// Every column of a prepared hull is padded to a multiple of this number of floats: the width of the widest vector.
 inline constexpr std::size_t hull_lanes = 16;
+/// Numbers of 16 bits are padded to a multiple of this.
+inline constexpr std::size_t fixed_point_lanes = 2 * hull_lanes;
 /// Maximum number of vertices of a prepared hull.
 inline constexpr std::size_t max_hull_vertices = 256;
 
 /// `count` rounded up to whole vectors.
 constexpr std::size_t padded(std::size_t count) noexcept { return (count + hull_lanes - 1) / hull_lanes * hull_lanes; }
+
+constexpr std::size_t padded_fixed_point(std::size_t count) noexcept {
+  return (count + fixed_point_lanes - 1) / fixed_point_lanes * fixed_point_lanes;
+}
 
 /// An edge and its two faces in one cache line. Seen from outside, the left face is to the left of the direction `from`
 /// to `to`. The first 48 bytes are three rows of four floats, so kernels that test single edges load one with three
@@ -89,6 +95,11 @@ class Hull {
   const float* offset() const noexcept { return normal_z() + padded(face_count_); }
   Vec3f normal(std::size_t i) const noexcept { return {normal_x()[i], normal_y()[i], normal_z()[i]}; }
 
+  /// The planes of the faces in fixed point, rounded to the nearest, for bounds: for each group of fixed_point_lanes
+  /// faces as many x components of their normals, then y and z, in units of 2^-15, then the distances of the planes
+  /// from the centroid in units of extent() * 2^-15. 32767 where 32768 would be needed.
+  const std::int16_t* fixed_point_planes() const noexcept { return fixed_point_planes_.data(); }
+
   std::span<const HullEdge> edges() const noexcept { return edges_; }
   EdgeEnds edge_ends(std::size_t edge) const noexcept { return edge_ends_[edge]; }
   /// One value of every edge, as kernels read it: padded(edge_count()) floats.
@@ -112,6 +123,8 @@ class Hull {
   float bounding_radius() const noexcept { return bounding_radius_; }
   /// Radius of a ball around the centroid that the hull contains; rounded down.
   float inner_radius() const noexcept { return inner_radius_; }
+  /// Radius of a ball around the centroid that contains the hull; rounded up.
+  float extent() const noexcept { return extent_; }
 
  private:
   friend class HullAssembly;
@@ -119,6 +132,7 @@ class Hull {
   std::size_t face_count_ = 0;
   base::AlignedVector<float> vertices_;
   base::AlignedVector<float> faces_;
+  base::AlignedVector<std::int16_t> fixed_point_planes_;
   base::AlignedVector<float> edge_columns_;
   base::AlignedVector<std::uint8_t> faces_of_edges_;
   base::AlignedVector<HullEdge> edges_;
@@ -129,6 +143,7 @@ class Hull {
   double volume_ = 0;
   float bounding_radius_ = 0;
   float inner_radius_ = 0;
+  float extent_ = 0;
 };
 
 /// Builds the convex hull of `points`.

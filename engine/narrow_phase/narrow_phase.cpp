@@ -171,7 +171,11 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
   const unsigned by_shape = pairs.size() >= min_pairs_sorted_by_shape ? ~0u : 0u;
   const std::size_t last = pairs.size() - 1;
   std::uint64_t set = 0;
-  std::fill(std::begin(ends), std::end(ends), 0u);
+  if (by_shape != 0) {
+    std::fill(std::begin(ends), std::end(ends), 0u);
+  } else {
+    for (std::size_t k = 0; k < keys; ++k) ends[k << shape_bits] = 0;
+  }
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + prefetch_distance, last)];
     base::prefetch_object(bodies[ahead.a]);

@@ -31,6 +31,19 @@ double extent(const Points& points) {
   return std::max({high.x - low.x, high.y - low.y, high.z - low.z});
 }
 
+/// Checks that the plane of a face in fixed point is that in float within half of a unit, or one where it is limited.
+void check_fixed_point_plane(const Hull& hull, std::size_t face) {
+  const Vec3d normal = to_double(hull.normal(face));
+  const double distance = double{hull.offset()[face]} - dot(normal, to_double(hull.centroid()));
+  const double exact[4] = {normal.x, normal.y, normal.z, distance / double{hull.extent()}};
+  const std::int16_t* const group =
+      hull.fixed_point_planes() + face / geometry::fixed_point_lanes * 4 * geometry::fixed_point_lanes;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const double units = group[k * geometry::fixed_point_lanes + face % geometry::fixed_point_lanes];
+    REQUIRE(std::abs(units - exact[k] * 32768) <= (std::abs(units) == 32767 ? 1.01 : 0.51));
+  }
+}
+
 /// Checks the properties that every hull must have.
 void check_hull(const Hull& hull, const Points& points) {
   const double size = extent(points);
@@ -62,7 +75,14 @@ void check_hull(const Hull& hull, const Points& points) {
       REQUIRE(std::abs(dot(normal, to_double(hull.vertex(v))) - double{hull.offset()[f]}) <= 2 * tolerance);
     }
     smallest_gap = std::min(smallest_gap, double{hull.offset()[f]} - dot(normal, to_double(hull.centroid())));
+    check_fixed_point_plane(hull, f);
   }
+  double farthest = 0;
+  for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
+    farthest = std::max(farthest, length(to_double(hull.vertex(v)) - to_double(hull.centroid())));
+  }
+  REQUIRE(farthest <= double{hull.extent()});
+  REQUIRE(double{hull.extent()} <= farthest * (1 + 1e-6));
   REQUIRE_MESSAGE(worst <= tolerance, "a point lies " << worst << " outside a hull of size " << size);
   REQUIRE(smallest_gap > -tolerance);
   REQUIRE(double{hull.inner_radius()} <= smallest_gap + tolerance);

@@ -8,6 +8,7 @@
 
 #include <doctest/doctest.h>
 
+#include "narrow_phase/convex_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
 #include "narrow_phase/targets.hpp"
@@ -123,6 +124,25 @@ TEST_CASE("hulls of many points that overlap deeply have the same bits on every 
       }
     }
     CHECK(same_bits(sorted(pieces), expected));
+  }
+}
+
+// The scalar target selects faces and edges by bounds in float, the others by bounds in fixed point.
+TEST_CASE("needles, plates, grids, prisms and hulls far from their origin have the bits of the scalar target") {
+  for (std::uint64_t seed = 16; seed < 22; ++seed) {
+    INFO("seed ", seed);
+    const PairWorld world = degenerate_convex_pairs(ShapeKind::hull, ShapeKind::hull, 1500, seed);
+    NarrowPhase narrow_phase(world.shapes());
+    const auto contacts_on = [&](const std::string& target) {
+      const ForcedTarget forced(target);
+      return sorted(narrow_phase.test(world.bodies, world.pairs));
+    };
+    const std::vector<PairContact> expected = contacts_on("scalar");
+    REQUIRE(expected.size() > world.pairs.size() / 8);
+    for (const std::string& target : narrow_phase::targets()) {
+      INFO("target ", target);
+      CHECK(same_bits(contacts_on(target), expected));
+    }
   }
 }
 

@@ -37,7 +37,7 @@ class BoxHullEdges {
       for (std::size_t u = 0; u < pairs_.undecided.count; ++u) copy_rows(pairs_.undecided.pair[u]);
     }
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) mark_faces(pairs_.undecided.pair[u]);
-    std::uint32_t items[room + 4];
+    std::uint32_t items[room + edge_list_slack];
     std::size_t count = 0;
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
       const std::size_t i = pairs_.undecided.pair[u];
@@ -140,7 +140,7 @@ class BoxHullEdges {
   }
 
   /// Lists the edges of one hull that no point excludes and returns their number. `out` has room for all edges of the
-  /// hull and three more.
+  /// hull and edge_list_slack more.
   HWY_INLINE std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
     return list_edges_where(polytope_of(*pairs_.hull[i]), pairs_.face_bytes[i], RelevantEdge(),
                             static_cast<std::uint32_t>(i << Item::edge_bits), out);

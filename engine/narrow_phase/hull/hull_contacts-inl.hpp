@@ -8,9 +8,11 @@
 #endif
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
+#include "narrow_phase/hull/crossing_edges-inl.hpp"
 #include "narrow_phase/hull/hull_pairs-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -25,13 +27,15 @@ class HullContacts {
 
   /// `left_over`: one bit for each pair that the steps before could not decide; these are tested one at a time.
   void run(std::uint32_t left_over) {
+    // The lanes of decided pairs are computed too: leftovers on the stack could be slow to compute with.
+    set_zero(depth_);
     compute_normals();
     find_features(left_over);
     for (std::size_t k = 0; k < list_[vertex_of_second].count; ++k)
       touch_vertex_of_second(list_[vertex_of_second].pair[k]);
     for (std::size_t k = 0; k < list_[vertex_of_first].count; ++k)
       touch_vertex_of_first(list_[vertex_of_first].pair[k]);
-    for (std::size_t k = 0; k < list_[two_edges].count; ++k) cross_edges(list_[two_edges].pair[k]);
+    if (list_[two_edges].count > 0) cross_edges();
     for (std::size_t k = 0; k < list_[others].count; ++k) measure_alone(list_[others].pair[k]);
     for (std::size_t k = 0; k < list_[doubtful].count; ++k) test_alone(list_[doubtful].pair[k]);
   }
@@ -100,20 +104,52 @@ class HullContacts {
     put(i, vertex - at(normal_, i) * (depth_[i] * 0.5f));
   }
 
-  void cross_edges(std::size_t i) {
-    const std::size_t a[2] = {feature_[0][i].first(), feature_[0][i].last(hull(0, i).vertex_count())};
-    const std::size_t b[2] = {feature_[1][i].first(), feature_[1][i].last(hull(1, i).vertex_count())};
-    const Vec3f p = vertex_of_a(i, a[1]) - vertex_of_a(i, a[0]);
-    const Vec3f q = rotate(pairs_.placed.rotation_of(i), hull(1, i).vertex(b[1]) - hull(1, i).vertex(b[0]));
-    const Vec3f across = cross(p, q);
+  /// Computes the points where two edges cross.
+  void cross_edges() {
+    set_zero(end_);
+    set_zero(height_);
+    std::uint32_t crossing = 0;
+    for (std::size_t k = 0; k < list_[two_edges].count; ++k) {
+      const std::size_t i = list_[two_edges].pair[k];
+      for (std::size_t side = 0; side < 2; ++side) {
+        const Feature<float>& edge = feature_[side][i];
+        narrow_phase::HWY_NAMESPACE::put(hull(side, i).vertex(edge.first()), end_[2 * side], i);
+        narrow_phase::HWY_NAMESPACE::put(hull(side, i).vertex(edge.last(hull(side, i).vertex_count())),
+                                         end_[2 * side + 1], i);
+      }
+      height_[i] = feature_[0][i].height;
+      crossing |= 1u << i;
+    }
+    for (std::size_t i = 0; i < pairs_.count; i += lanes) collect_crossing(i, crossing >> i);
+    crossing_.compute();
+    for (std::size_t k = 0; k < crossing_.count; ++k) {
+      const std::size_t i = crossing_.pair[k];
+      crossing &= ~(1u << i);
+      if (HWY_LIKELY(crossing_.found(k))) {
+        put(i, crossing_.at(k));
+      } else {
+        measure_alone(i);
+      }
+    }
     // Nearly parallel edges: their common point has to be searched.
-    if (HWY_UNLIKELY(dot(across, across) < 1e-4f * dot(p, p) * dot(q, q))) return measure_alone(i);
-    const Vec3d first[2] = {to_double(vertex_of_a(i, a[0])), to_double(vertex_of_a(i, a[1]))};
-    const Vec3d second[2] = {to_double(vertex_of_b(i, b[0])), to_double(vertex_of_b(i, b[1]))};
-    const Vec3f normal = at(normal_, i);
-    const Vec3f common = to_float(common_point(first, second, to_double(normal)));
-    const float height = feature_[0][i].height - depth_[i] * 0.5f;
-    put(i, common + normal * (height - dot(normal, common)));
+    for (; HWY_UNLIKELY(crossing != 0); crossing &= crossing - 1) {
+      measure_alone(static_cast<std::size_t>(std::countr_zero(crossing)));
+    }
+  }
+
+  /// Collects those of the pairs from `i` on, one bit each, whose edges are not nearly parallel.
+  HWY_INLINE void collect_crossing(std::size_t i, std::uint32_t crossing) {
+    const Rotation<D> r = pairs_.placed.rotation_lanes(d, i);
+    const Vector<D> offset = pairs_.placed.offset_lanes(d, i);
+    const Vector<D> first_a = load(d, end_[0], i), last_a = load(d, end_[1], i), first_b = load(d, end_[2], i),
+                    last_b = load(d, end_[3], i);
+    const Vector<D> p = subtract(d, last_a, first_a), q = rotate(d, r, subtract(d, last_b, first_b));
+    const Vector<D> across = cross(d, p, q);
+    const auto apart = hn::Ge(dot(d, across, across), hn::Set(d, 1e-4f) * dot(d, p, p) * dot(d, q, q));
+    const std::uint8_t bits[8] = {static_cast<std::uint8_t>(crossing), static_cast<std::uint8_t>(crossing >> 8)};
+    crossing_.add(d, hn::And(apart, hn::LoadMaskBits(d, bits)), i, load(d, normal_, i),
+                  hn::Load(d, height_ + i) - hn::Load(d, depth_ + i) * hn::Set(d, 0.5f), first_a, last_a,
+                  add(d, rotate(d, r, first_b), offset), add(d, rotate(d, r, last_b), offset));
   }
 
   HWY_NOINLINE void measure_alone(std::size_t i) {
@@ -150,7 +186,10 @@ class HullContacts {
   alignas(64) float along_[block_pairs];    // from origin to origin along the normal
   alignas(64) float slack_[block_pairs];    // the difference in height of the vertices of a feature
   alignas(64) float depth_[block_pairs];
+  alignas(64) float height_[block_pairs];  // of the edge of the first hull
+  alignas(64) Column3 end_[4];             // the ends of the edges that cross, in their own axes
   Feature<float> feature_[2][block_pairs];
+  CrossingEdges<block_pairs> crossing_;
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -14,7 +14,7 @@
 #include <cstdint>
 
 #include "base/prefetch.hpp"
-#include "narrow_phase/hull/face_bytes-inl.hpp"
+#include "narrow_phase/hull/hull_bounds-inl.hpp"
 #include "narrow_phase/hull/hull_edges-inl.hpp"
 #include "narrow_phase/hull/hull_pairs-inl.hpp"
 
@@ -32,7 +32,7 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 /// at a time, in the order of the edges, because among equals the first is chosen.
 class HullEdgePairs {
  public:
-  explicit HullEdgePairs(HullPairs& pairs) : pairs_(pairs) {}
+  HullEdgePairs(HullPairs& pairs, HullBounds& bounds) : pairs_(pairs), bounds_(bounds) {}
 
   void run() {
     list_edges();
@@ -66,9 +66,10 @@ class HullEdgePairs {
   /// Lists the edges of both hulls that neither the points nor the ball exclude; see PolytopePair::list_edges.
   void list_edges() {
     alignas(64) std::uint8_t bytes[2][block_pairs][max_faces];
+    bounds_.limit_edges();
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
       const std::size_t i = pairs_.undecided.pair[u];
-      for (std::size_t side = 0; side < 2; ++side) mark_faces(side, i, bytes[side][i]);
+      for (std::size_t side = 0; side < 2; ++side) bounds_.mark_faces(side, i, bytes[side][i]);
     }
     std::size_t used = 0;
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
@@ -91,19 +92,12 @@ class HullEdgePairs {
   /// The edges of all hulls together are larger than the first-level cache, and the tiles read few of them.
   HWY_INLINE void prefetch_edges(std::size_t side, std::size_t i) const {
     const geometry::HullEdge* const edges = hull(side, i).edges().data();
-    for (std::size_t k = 0; k < count_[side][i]; ++k) base::prefetch_for_read(edges + list_[side][i][k]);
-  }
-
-  /// Writes a byte for each face of one side, with one bit for each point of the other hull and one for its ball: set
-  /// if it is too deep.
-  HWY_INLINE void mark_faces(std::size_t side, std::size_t i, std::uint8_t* out) const {
-    const geometry::Hull &own = hull(side, i), &other = hull(1 - side, i);
-    const float rounding = Rounding<float>::overlap * pairs_.size[i];
-    const float of_point = pairs_.best[i] + rounding;
-    const float of_ball = std::max((pairs_.best[i] - other.inner_radius()) + rounding, 0.0f);
-    mark_deep_points(own, {at(pairs_.ball[side], i), at(pairs_.point[0][side], i), at(pairs_.point[1][side], i)},
-                     {of_ball, of_point, of_point},
-                     [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.store(out + f); });
+    const std::uint16_t* const list = list_[side][i];
+    // Eight at a time, which are almost always all: the entries past the last are edges too.
+    std::size_t k = 0;
+    do {
+      for (const std::size_t end = k + 8; k < end; ++k) base::prefetch_for_read(edges + list[k]);
+    } while (k < count_[side][i]);
   }
 
   /// What is known of the edge pairs of a tile in which some pair is better than the best face.
@@ -209,6 +203,7 @@ class HullEdgePairs {
     const std::uint32_t of_a = first_bits(4 * (count_[0][i] - a)),
                         of_b = 0x1111 * first_bits(std::min<std::size_t>(count_[1][i] - b, 4));
     std::uint32_t bits = bits_of(d, hn::And(hn::And(crosses, better), has_direction)) & of_a & of_b;
+    if (bits == 0) return;
     Tile& tile = tile_[tiles_];
     hn::Store(hn::IfThenElse(turn, hn::Neg(across.x), across.x), d, tile.across[0]);
     hn::Store(hn::IfThenElse(turn, hn::Neg(across.y), across.y), d, tile.across[1]);
@@ -219,8 +214,7 @@ class HullEdgePairs {
     hn::Store(sine_squared, d, tile.sine_squared);
     hn::Store(crossing, d, tile.crossing);
     hn::Store(value, d, tile.value);
-    const std::size_t tile_index = tiles_;
-    tiles_ += bits != 0;
+    const std::size_t tile_index = tiles_++;
     for (; bits != 0; bits &= bits - 1) {
       const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
       chosen_[chosen_count_++] = Chosen::of(i, a + lane / 4, b + lane % 4, tile_index, lane);
@@ -275,11 +269,12 @@ class HullEdgePairs {
   }
 
   HullPairs& pairs_;
+  HullBounds& bounds_;
   std::uint32_t left_over_ = 0;
   std::size_t tiles_ = 0, chosen_count_ = 0;
   const std::uint16_t* list_[2][block_pairs];
   std::size_t count_[2][block_pairs];
-  std::uint16_t pool_[2 * block_pairs * max_listed + max_edges + 4];
+  std::uint16_t pool_[2 * block_pairs * max_listed + max_edges + edge_list_slack];
   Chosen chosen_[max_chosen];
   Tile tile_[max_tiles];
 };

@@ -62,6 +62,39 @@ HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index*
   return end;
 }
 
+/// The same where no bit is as likely as some: without a branch on it. May write four entries more.
+template <class Index>
+HWY_INLINE std::size_t append_few_bits(std::uint64_t bits, std::size_t first, Index* out, std::size_t count) {
+  const std::size_t end = count + static_cast<std::size_t>(std::popcount(bits));
+  for (std::size_t k = 0; k < 4; ++k, bits &= bits - 1) {
+    out[count + k] = static_cast<Index>(first + static_cast<std::size_t>(std::countr_zero(bits)));
+  }
+  append_bits(bits, first, out, count + 4);
+  return end;
+}
+
+/// Entries that append_edges() may write past the last.
+inline constexpr std::size_t edge_list_slack = 32;
+
+/// The same for the edges of a hull, of which there are often more than four.
+HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint16_t* out, std::size_t count) {
+#if HWY_TARGET == HWY_AVX3_DL
+  // The indices of all set bits by one instruction.
+  const auto added = static_cast<std::size_t>(std::popcount(bits));
+  if (HWY_LIKELY(added <= edge_list_slack)) {
+    const hn::CappedTag<std::uint8_t, 64> bytes;
+    const __m512i indices = _mm512_maskz_compress_epi8(bits, hn::Iota(bytes, 0).raw);
+    const __m512i wide = _mm512_cvtepu8_epi16(_mm512_castsi512_si256(indices));
+    _mm512_storeu_si512(out + count, _mm512_add_epi16(wide, _mm512_set1_epi16(static_cast<std::int16_t>(first))));
+    return count + added;
+  }
+#endif
+  return append_bits(bits, first, out, count);
+}
+HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint32_t* out, std::size_t count) {
+  return append_bits(bits, first, out, count);
+}
+
 /// Selects an edge unless both of its faces are excluded by the same bit.
 struct NoCommonBit {
   HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const { return (left & right) == 0; }
@@ -99,8 +132,8 @@ HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t 
 #endif
 
 /// Writes the edges for whose faces' bytes `keep(left, right)` is true, ascending, with `tag` in the upper bits.
-/// Returns their number. `out` has room for all edges and three more. `bytes_of_faces` is padded to 16 bytes, and 64
-/// bytes can be read.
+/// Returns their number. `out` has room for all edges and edge_list_slack more. `bytes_of_faces` is padded to 16 bytes,
+/// and 64 bytes can be read.
 template <class Index, class Keep>
 HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
                                         Index tag, Index* out) {
@@ -115,7 +148,7 @@ HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t*
       const auto of_right = looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, right + i));
       std::uint64_t chance = byte_bits(bytes, keep(bytes, of_left, of_right));
       if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
-      count = append_bits(chance, tag | i, out, count);
+      count = append_edges(chance, tag | i, out, count);
     }
     return count;
   }

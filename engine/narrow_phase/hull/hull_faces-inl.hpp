@@ -13,17 +13,19 @@
 #include <cstdint>
 
 #include "geometry/max_lanes-inl.hpp"
-#include "narrow_phase/hull/hull_edges-inl.hpp"
+#include "narrow_phase/hull/hull_bounds-inl.hpp"
 #include "narrow_phase/hull/hull_pairs-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
+#if HWY_TARGET != HWY_SCALAR
+
 /// Finds the face normal of least overlap for each pair of a block, and removes the pairs that a direction separates.
 /// The steps are those of PolytopePair::separated_by_faces.
 class HullFaces {
  public:
-  explicit HullFaces(HullPairs& pairs) : pairs_(pairs) {}
+  HullFaces(HullPairs& pairs, HullBounds& bounds) : pairs_(pairs), bounds_(bounds) {}
 
   void run() {
     test_centre_axis();
@@ -35,9 +37,12 @@ class HullFaces {
     set_zero(height_);
     set_zero(face_);
     place_vertices();
-    bound_faces();
+    bounds_.bound_faces();
+    choose_least_bounds();
     evaluate_least_bounds();
     pairs_.remove_separated([&](std::size_t i) HWY_ATTR { return chosen_direction(i); });
+    if (pairs_.undecided.count == 0) return;
+    bounds_.add_second_points();
     try_other_faces();
     pairs_.remove_separated([&](std::size_t i) HWY_ATTR { return chosen_direction(i); });
     take_directions();
@@ -51,7 +56,7 @@ class HullFaces {
   static constexpr std::size_t lanes = HullPairs::lanes;
   static constexpr hn::RebindToUnsigned<D> ids{};
   static constexpr std::uint32_t no_face = ~0u;
-  static constexpr std::size_t room_and_slack = 2048 + 4;  ///< append_bits() writes up to three entries more
+  static constexpr std::size_t room_and_slack = 2048 + 4;  ///< list_faces() writes up to four entries more
 
   HWY_INLINE const geometry::Hull& hull(std::size_t side, std::size_t i) const { return *pairs_.hull[side][i]; }
 
@@ -115,12 +120,8 @@ class HullFaces {
     }
     for (std::size_t i = 0; i < p.count; i += lanes) {
       place_points(i, 0);
-      const Vector<D> centre_of_a{hn::LoadU(d, p.placed.first_size(0) + i), hn::LoadU(d, p.placed.first_size(1) + i),
-                                  hn::LoadU(d, p.placed.first_size(2) + i)};
-      const Vector<D> centre_of_b{hn::LoadU(d, p.placed.second_size(0) + i), hn::LoadU(d, p.placed.second_size(1) + i),
-                                  hn::LoadU(d, p.placed.second_size(2) + i)};
-      store(d, in_first(i, centre_of_b), p.ball[0], i);
-      store(d, in_second(i, centre_of_a), p.ball[1], i);
+      store(d, in_first(i, p.centroids(1, i)), p.ball[0], i);
+      store(d, in_second(i, p.centroids(0, i)), p.ball[1], i);
       const V inverse = hn::Set(d, 1.0f) / hn::Sqrt(hn::LoadU(d, p.placed.axis_squared() + i));
       hn::Store(hn::Load(d, p.axis_overlap + i) * inverse, d, p.best + i);
       const Vector<D> axis{hn::LoadU(d, p.placed.axis(0) + i), hn::LoadU(d, p.placed.axis(1) + i),
@@ -141,42 +142,13 @@ class HullFaces {
     store(d, in_second(i, load(d, vertex_[0], i)), pairs_.point[which][1], i);
   }
 
-  /// A column of faces of one hull, and the points of the other hull that bound the overlap along their normals.
-  struct FaceColumns {
-    const float *x, *y, *z, *offset;
-    Points<D> centre, first;
-    V radius;
-
-    /// The bound by the ball and the first point of the faces from `f` on.
-    HWY_INLINE V bound(const Points<D>& normal, V height) const {
-      return hn::Max((height - dot_of(d, normal, centre)) + radius, height - dot_of(d, normal, first));
-    }
-    HWY_INLINE Points<D> normal(std::size_t f) const { return read(d, x + f, y + f, z + f); }
-    HWY_INLINE V height(std::size_t f) const { return hn::Load(d, offset + f); }
-  };
-  HWY_INLINE FaceColumns columns_of(std::size_t side, std::size_t i) const {
-    const geometry::Hull &own = hull(side, i), &other = hull(1 - side, i);
-    return {own.normal_x(),
-            own.normal_y(),
-            own.normal_z(),
-            own.offset(),
-            spread_out(d, at(pairs_.ball[side], i)),
-            spread_out(d, at(pairs_.point[0][side], i)),
-            hn::Set(d, other.inner_radius())};
-  }
-
-  /// Finds the face of each side with the least bound. It is often the best, and gives a good limit for all others.
-  void bound_faces() {
+  /// Chooses the face of each side with the least bound. It is often the best, and gives a good limit for all others.
+  void choose_least_bounds() {
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
       const std::size_t i = pairs_.undecided.pair[u];
       for (std::size_t side = 0; side < 2; ++side) {
         const geometry::Hull& own = hull(side, i);
-        const FaceColumns faces = columns_of(side, i);
-        Least<float> least(faces.bound(faces.normal(0), faces.height(0)));
-        for (std::size_t f = lanes; f < own.face_count(); f += lanes) {
-          least.add(faces.bound(faces.normal(f), faces.height(f)), f);
-        }
-        const std::size_t face = least.index();
+        const std::size_t face = bounds_.least_face(side, i);
         face_[side][i] = static_cast<std::uint32_t>(face);
         put(own.normal(face), normal_[side], i);
         height_[side][i] = own.offset()[face];
@@ -225,33 +197,12 @@ class HullFaces {
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
       const std::size_t i = pairs_.undecided.pair[u];
       if (std::max(count[0], count[1]) + max_faces + 4 > room_and_slack) evaluate_faces(items, count);
-      for (std::size_t side = 0; side < 2; ++side) count[side] = list_faces(side, i, items[side], count[side]);
+      for (std::size_t side = 0; side < 2; ++side) {
+        count[side] = bounds_.list_faces(side, i, face_[side][i], items[side], count[side]);
+      }
       pairs_.work.pass<float>(hull(0, i).face_count() + hull(1, i).face_count());
     }
     evaluate_faces(items, count);
-  }
-
-  /// Appends the faces of one side that can still be the best: the pair in the upper 16 bits, the face in the lower 16.
-  HWY_INLINE std::size_t list_faces(std::size_t side, std::size_t i, std::uint32_t* items, std::size_t count) const {
-    const geometry::Hull& own = hull(side, i);
-    const FaceColumns faces = columns_of(side, i);
-    const auto second = spread_out(d, at(pairs_.point[1][side], i));
-    const auto most = hn::Set(d, pairs_.best[i] + Rounding<float>::overlap * pairs_.size[i]);
-    const std::size_t evaluated = face_[side][i];
-    for (std::size_t begin = 0; begin < own.face_count(); begin += 64) {
-      const std::size_t end = std::min(own.face_count(), begin + 64);
-      std::uint64_t word = 0;
-      for (std::size_t f = begin; f < end; f += lanes) {
-        const auto normal = faces.normal(f);
-        const V height = faces.height(f);
-        const V bound = hn::Max(height - dot_of(d, normal, second), faces.bound(normal, height));
-        word |= std::uint64_t{bits_of(d, hn::Lt(bound, most))} << (f - begin);
-      }
-      word &= ~std::uint64_t{0} >> (64 - (end - begin));
-      word &= ~(std::uint64_t{evaluated / 64 == begin / 64} << evaluated % 64);
-      count = append_bits(word, i << 16 | begin, items, count);
-    }
-    return count;
   }
 
   void evaluate_faces(const std::uint32_t (&items)[2][room_and_slack], std::size_t (&count)[2]) {
@@ -309,6 +260,7 @@ class HullFaces {
   }
 
   HullPairs& pairs_;
+  HullBounds& bounds_;
   // The deepest vertices of each hull along the last direction, in its own axes; the face of least bound, its normal
   // and its offset.
   alignas(64) Column3 vertex_[2], normal_[2];
@@ -317,6 +269,8 @@ class HullFaces {
   // The face of least overlap: of the first hull, or of the second counted from max_faces on.
   alignas(64) std::uint32_t choice_[block_pairs];
 };
+
+#endif
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -33,9 +33,10 @@ inline PairContact* hull_hull_in_blocks(const KernelInput& input, PairContact* o
     begin_gathering(input);
     HullPairs pairs(input, input.pairs.data() + begin, std::min(block_pairs, input.pairs.size() - begin), work);
     end_gathering(input);
-    HullFaces(pairs).run();
+    HullBounds bounds(pairs);
+    HullFaces(pairs, bounds).run();
     if (pairs.undecided.count == 0) continue;
-    HullEdgePairs edges(pairs);
+    HullEdgePairs edges(pairs, bounds);
     edges.run();
     BlockContacts found;
     found.clear();

@@ -19,8 +19,8 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 /// Up to block_pairs pairs of hulls, at least one: what the steps of the test read, and the best direction so far.
 ///
-/// Side 0 of a pair is its first hull, side 1 its second. Every formula is that of PolytopePair<float>, operation by
-/// operation, so both give the same bits.
+/// Side 0 of a pair is its first hull, side 1 its second. Every formula but those of HullBounds is that of
+/// PolytopePair<float>, operation by operation, so both give the same bits.
 struct HullPairs {
   using D = Columns16<float>;
   using V = hn::Vec<D>;
@@ -44,6 +44,13 @@ struct HullPairs {
   HWY_INLINE float overlap_along(std::size_t i, Vec3f direction) const {
     return (support(0, i, direction) + support(1, i, -rotate_inverse(placed.rotation_of(i), direction))) -
            dot(direction, placed.offset_of(i));
+  }
+  /// The centroids of the hulls of pairs from `i` on, in their own axes.
+  HWY_INLINE Vector<D> centroids(std::size_t side, std::size_t i) const {
+    const auto column = [&](int k) HWY_ATTR {
+      return hn::LoadU(d, (side == 0 ? placed.first_size(k) : placed.second_size(k)) + i);
+    };
+    return {column(0), column(1), column(2)};
   }
   HWY_INLINE float support(std::size_t side, std::size_t i, Vec3f direction) const {
     return hn::GetLane(hn::MaxOfLanes(d, highest(*hull[side][i], direction)));

@@ -143,7 +143,7 @@ HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
   hn::StoreMaskBits(d, mask, bytes);
   // Reads exactly what was written: a wider load could not be forwarded from the store buffer.
   if constexpr (hn::MaxLanes(D()) <= 8) return bytes[0];
-  std::uint16_t bits;
+  std::conditional_t<(hn::MaxLanes(D()) <= 16), std::uint16_t, std::uint32_t> bits;
   std::memcpy(&bits, bytes, sizeof(bits));
   return bits;
 }

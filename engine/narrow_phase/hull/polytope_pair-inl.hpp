@@ -238,7 +238,7 @@ class PolytopePair {
   /// Columns of the candidate edges of b, in the axes of a: left and right normal, a point, the direction.
   struct KeptEdges {
     alignas(64) T value[12 * max_edges];
-    std::uint16_t index[max_edges + 4];
+    std::uint16_t index[max_edges + edge_list_slack];
     std::size_t count = 0, stride = 0;
 
     T* column(std::size_t c) { return value + c * stride; }
@@ -287,7 +287,7 @@ class PolytopePair {
   }
 
   bool separated_by_edges(bool recheck_all) {
-    std::uint16_t of_a[max_edges + 4];
+    std::uint16_t of_a[max_edges + edge_list_slack];
     const std::size_t count = list_edges(a_, b_.inner_radius, bounds_of_a_, of_a);
     if (count == 0) return false;
     KeptEdges of_b;
