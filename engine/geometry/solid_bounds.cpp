@@ -1,10 +1,10 @@
 #include "geometry/solid_bounds.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 
-#include "geometry/hull.hpp"
 #include "geometry/outer_steps.hpp"
 #include "geometry/vector.hpp"
 
@@ -12,111 +12,24 @@
 #define HWY_TARGET_INCLUDE "geometry/solid_bounds.cpp"
 #include <hwy/foreach_target.h>
 // Must follow foreach_target.h.
-#include "geometry/max_lanes-inl.hpp"
+#include "geometry/rows-inl.hpp"
+#include "geometry/solid_extents-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::geometry::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// One value for each axis: x, y, z; the fourth is unused.
-struct Axes {
-  alignas(16) float at[4];
+using Doubles = hn::CappedTag<double, 8>;
+using Words = hn::CappedTag<std::uint32_t, 8>;
+
+/// One number for each object of a batch.
+using WordColumn = std::uint32_t[batch];
+
+/// Bounds and positions in fixed point.
+struct Steps {
+  alignas(64) WordColumn lower[3], upper[3], point[3];
 };
-
-/// The extent of a shape along the world's axes, relative to the shape's origin.
-struct AxisExtent {
-  Axes lower, upper;
-};
-
-/// The columns of a rotation matrix: column j is shape axis j in world axes.
-struct RotationColumns {
-  Axes column[3];
-};
-
-#if HWY_TARGET == HWY_SCALAR
-
-inline RotationColumns columns_of(Quat q) {
-  const Rotation r = rotation(q);
-  RotationColumns out;
-  for (int j = 0; j < 3; ++j) out.column[j] = {{r.m[0][j], r.m[1][j], r.m[2][j], 0}};
-  return out;
-}
-
-#else
-
-/// Computes the same terms as rotation(), one column at a time and one entry in each lane: 1 - (p + q) on the diagonal,
-/// p + q or p - q elsewhere, where p and q are the two products of the entry.
-inline RotationColumns columns_of(Quat orientation) {
-  const hn::FixedTag<float, 4> d;
-  const hn::RebindToSigned<decltype(d)> ints;
-  const hn::RebindToUnsigned<decltype(d)> bits;
-  alignas(16) static constexpr std::int32_t first_p[3][4] = {{1, 0, 0, 3}, {0, 0, 1, 3}, {0, 1, 0, 3}};
-  alignas(16) static constexpr std::int32_t second_p[3][4] = {{1, 1, 2, 3}, {1, 0, 2, 3}, {2, 2, 0, 3}};
-  alignas(16) static constexpr std::int32_t first_q[3][4] = {{2, 3, 3, 3}, {3, 2, 3, 3}, {3, 3, 1, 3}};
-  alignas(16) static constexpr std::int32_t second_q[3][4] = {{2, 2, 1, 3}, {2, 2, 0, 3}, {1, 0, 1, 3}};
-  constexpr std::uint32_t minus = 0x80000000u;
-  alignas(16) static constexpr std::uint32_t sign_q[3][4] = {{0, 0, minus, 0}, {minus, 0, 0, 0}, {0, minus, 0, 0}};
-  alignas(16) static constexpr std::uint32_t diagonal[3][4] = {{minus, 0, 0, 0}, {0, minus, 0, 0}, {0, 0, minus, 0}};
-  alignas(16) static constexpr float one[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
-  const auto v = hn::LoadU(d, &orientation.x);
-  const auto doubled = v + v;
-  const auto select_lanes = [&](auto of, const std::int32_t* lanes) HWY_ATTR {
-    return hn::TableLookupLanes(of, hn::IndicesFromVec(d, hn::Load(ints, lanes)));
-  };
-  const auto flip_signs = [&](auto of, const std::uint32_t* signs)
-                              HWY_ATTR { return hn::Xor(of, hn::BitCast(d, hn::Load(bits, signs))); };
-  RotationColumns out;
-  for (int j = 0; j < 3; ++j) {
-    const auto p = select_lanes(v, first_p[j]) * select_lanes(doubled, second_p[j]);
-    const auto q = select_lanes(v, first_q[j]) * select_lanes(doubled, second_q[j]);
-    const auto sum = p + flip_signs(q, sign_q[j]);
-    hn::Store(flip_signs(sum, diagonal[j]) + hn::Load(d, one[j]), d, out.column[j].at);
-  }
-  return out;
-}
-
-#endif
-
-using FloatTag = hn::CappedTag<float, 4>;
-using DoubleTag = hn::CappedTag<double, 4>;
-
-/// Half of the extent of a box with these half extents, along the world's axes.
-inline Axes box_extent(const RotationColumns& shape_axes, const float half[3]) {
-  const FloatTag d;
-  Axes out;
-  for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
-    const auto along = [&](int j)
-                           HWY_ATTR { return hn::Abs(hn::Load(d, shape_axes.column[j].at + i)) * hn::Set(d, half[j]); };
-    hn::Store((along(0) + along(1)) + along(2), d, out.at + i);
-  }
-  return out;
-}
-
-// The order of the reductions depends on the vector width, but the result does not: a minimum or maximum is exact in
-// any order.
-inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axes) {
-  const hn::CappedTag<float, hull_lanes> d;
-  hn::Vec<decltype(d)> low[3], high[3];
-  const auto extent = [&](int i, std::size_t v) HWY_ATTR {
-    const auto part = [&](int j, const float* column)
-                          HWY_ATTR { return hn::Set(d, shape_axes.column[j].at[i]) * hn::Load(d, column + v); };
-    return (part(0, hull.x()) + part(1, hull.y())) + part(2, hull.z());
-  };
-  for (int i = 0; i < 3; ++i) low[i] = high[i] = extent(i, 0);
-  for (std::size_t v = hn::Lanes(d); v < hull.vertex_count(); v += hn::Lanes(d)) {
-    for (int i = 0; i < 3; ++i) {
-      const auto along = extent(i, v);
-      low[i] = hn::Min(low[i], along);
-      high[i] = hn::Max(high[i], along);
-    }
-  }
-  AxisExtent out;
-  max_lanes_of_four(d, high[0], high[1], high[2], high[2], out.upper.at);
-  max_lanes_of_four(d, hn::Neg(low[0]), hn::Neg(low[1]), hn::Neg(low[2]), hn::Neg(low[2]), out.lower.at);
-  for (float& value : out.lower.at) value = -value;
-  return out;
-}
 
 /// Replaces the steps outside the bounds by those of the octaves, with the bits of FixedSpace::Rows::outer_step().
 template <class D>
@@ -132,79 +45,128 @@ HWY_INLINE hn::Vec<D> with_octaves(D d, hn::Vec<D> steps, hn::Vec<D> first, hn::
   return hn::IfThenElse(hn::Or(below, steps > last), outer, steps);
 }
 
-/// Rounds steps on as many axes as `d` has lanes up or down. Values outside the range saturate, and NaN becomes 0, as
-/// in FixedSpace.
-template <bool up, class D>
-HWY_INLINE void store_steps(D d, hn::Vec<D> steps, std::int32_t* to) {
-  const hn::Rebind<std::int32_t, D> words;
+/// Rounds steps up or down. Values outside the range saturate, and NaN becomes 0, as in FixedSpace.
+template <bool up>
+HWY_INLINE void store_steps(Doubles d, hn::Vec<Doubles> steps, std::uint32_t* to) {
+  const hn::Rebind<std::int32_t, Doubles> ints;
+  const hn::RebindToUnsigned<decltype(ints)> words;
   const auto inside = hn::Min(hn::Max(steps, hn::Zero(d)), hn::Set(d, 4294967295.0));
   const auto whole = up ? hn::Ceil(inside) : hn::Floor(inside);
   // The conversion is to signed integers: subtract 2^31 before it, and flip the top bit after it.
-  const auto half_below = hn::DemoteTo(words, whole - hn::Set(d, 2147483648.0));
-  hn::Store(hn::Xor(half_below, hn::Set(words, INT32_MIN)), words, to);
+  const auto half_below = hn::DemoteTo(ints, whole - hn::Set(d, 2147483648.0));
+  hn::Store(hn::BitCast(words, hn::Xor(half_below, hn::Set(ints, INT32_MIN))), words, to);
 }
 
-/// The bounds of an extent at a pose. `radius` and `margin` widen the extent on all sides, in double precision. If
-/// `point` is not null, the fixed-point position is stored there.
-inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double radius, double margin,
-                           const FixedSpace::Rows& space, FixedPoint* point) {
-  const DoubleTag d;
-  const hn::Rebind<float, DoubleTag> narrow;
-  // The load of the position also reads 8 bytes of the orientation, into the fourth lane. The mask clears them, because
-  // as a double they may be denormal, and arithmetic on denormals is slow.
-  alignas(32) static constexpr std::uint64_t first_three_lanes[4] = {~0ull, ~0ull, ~0ull, 0};
-  const auto widening = hn::Set(d, margin), round = hn::Set(d, radius);
-  alignas(16) std::int32_t lower[4], upper[4], point_steps[4];
-  for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
-    const auto mask = hn::BitCast(d, hn::Load(hn::RebindToUnsigned<DoubleTag>(), first_three_lanes + i));
-    const auto at = hn::And(hn::LoadU(d, &pose.position.x + i), mask);
-    const auto min = hn::Load(d, space.min + i), scale = hn::Load(d, space.scale + i);
-    const auto low = hn::PromoteTo(d, hn::Load(narrow, extent.lower.at + i)) - round;
-    const auto high = hn::PromoteTo(d, hn::Load(narrow, extent.upper.at + i)) + round;
+/// The positions of as many objects as there are lanes: `position(lane)` points to three doubles, and 8 more bytes can
+/// be read.
+template <class Position>
+HWY_INLINE void gather_positions(Doubles d, const Position& position, hn::Vec<Doubles>* out) {
+#if HWY_TARGET == HWY_SCALAR
+  for (int a = 0; a < 3; ++a) out[a] = hn::Set(d, position(0)[a]);
+#else
+  // Blocks of two doubles, of the objects with even and with odd numbers.
+  const hn::Repartition<float, Doubles> floats;
+  const auto blocks = [&](std::size_t first, std::size_t parity) HWY_ATTR {
+    const auto row = [&](std::size_t lane)
+                         HWY_ATTR { return reinterpret_cast<const float*>(position(lane / 2 + parity) + first); };
+    return hn::BitCast(d, join_rows(floats, row, 0));
+  };
+  const auto even = blocks(0, 0), odd = blocks(0, 1);
+  out[0] = hn::InterleaveLower(d, even, odd);
+  out[1] = hn::InterleaveUpper(d, even, odd);
+  out[2] = hn::InterleaveLower(d, blocks(2, 0), blocks(2, 1));
+#endif
+}
+
+/// Computes the steps of as many objects as there are lanes, from the i-th on. The extents are widened in double.
+HWY_INLINE void compute_steps(const Batch& shapes, std::size_t i, const Extents& extents, const FixedSpace::Rows& space,
+                              Steps& out) {
+  const Doubles d;
+  const hn::Rebind<float, Doubles> narrow;
+  const auto widened = [&](const FloatColumn& column)
+                           HWY_ATTR { return hn::PromoteTo(d, hn::Load(narrow, column + i)); };
+  const auto widening = hn::Set(d, rounding_margin) * widened(extents.bounding_radius), round = widened(extents.round);
+  hn::Vec<Doubles> position[3];
+  gather_positions(
+      d, [&](std::size_t lane) { return &shapes.at(i + lane).pose->position.x; }, position);
+  for (int a = 0; a < 3; ++a) {
+    const auto at = position[a], min = hn::Set(d, space.min[a]), scale = hn::Set(d, space.scale[a]);
+    const auto low = widened(extents.lower[a]) - round, high = widened(extents.upper[a]) + round;
     auto low_steps = (at + (low - widening) - min) * scale;
     auto high_steps = (at + (high + widening) - min) * scale;
     auto at_steps = (at - min) * scale;
-    const auto first = hn::Load(d, space.first + i), last = hn::Load(d, space.last + i);
+    const auto first = hn::Set(d, space.first[a]), last = hn::Set(d, space.last[a]);
     const auto outside = hn::Or(hn::Min(low_steps, at_steps) < first, hn::Max(high_steps, at_steps) > last);
     if (HWY_UNLIKELY(!hn::AllFalse(d, outside))) {
       low_steps = with_octaves(d, low_steps, first, last);
       high_steps = with_octaves(d, high_steps, first, last);
       at_steps = with_octaves(d, at_steps, first, last);
     }
-    store_steps<false>(d, low_steps, lower + i);
-    store_steps<true>(d, high_steps, upper + i);
-    store_steps<false>(d, at_steps, point_steps + i);
+    store_steps<false>(d, low_steps, out.lower[a] + i);
+    store_steps<true>(d, high_steps, out.upper[a] + i);
+    store_steps<false>(d, at_steps, out.point[a] + i);
   }
-  if (point != nullptr) std::memcpy(point->at, point_steps, sizeof point_steps);
-  const auto word = [](std::int32_t value) { return static_cast<std::uint32_t>(value); };
-  return {{word(lower[0]), word(lower[1]), word(lower[2])}, {word(upper[0]), word(upper[1]), word(upper[2])}};
 }
 
-/// The extent from -half to +half.
-inline AxisExtent symmetric(const Axes& half) {
-  AxisExtent extent{half, half};
-  for (float& value : extent.lower.at) value = -value;
-  return extent;
+/// Writes the bounds, and the positions if `points` is not null, of the objects from `i` on, at most as many as there
+/// are lanes.
+HWY_INLINE void write(const Steps& steps, std::size_t i, std::size_t count, Bounds* out, FixedPoint* points) {
+#if HWY_TARGET == HWY_SCALAR
+  (void)count;
+  for (int a = 0; a < 3; ++a) {
+    out[i].lower[a] = steps.lower[a][i];
+    out[i].upper[a] = steps.upper[a][i];
+    if (points != nullptr) points[i].at[a] = steps.point[a][i];
+  }
+  if (points != nullptr) points[i].at[3] = 0;
+#else
+  const Words d;
+  constexpr std::size_t lanes = hn::MaxLanes(Words());
+  const auto load = [&](const WordColumn& column) HWY_ATTR { return hn::Load(d, column + i); };
+  // Row r of a transposed matrix has one object in each block of four lanes: r, r + 4 and so on.
+  alignas(64) std::uint32_t rows[4][lanes], ends[2][lanes], point_rows[4][lanes];
+  const auto store_rows = [&](hn::Vec<Words> a, hn::Vec<Words> b, hn::Vec<Words> c, hn::Vec<Words> e,
+                              std::uint32_t(&to)[4][lanes]) HWY_ATTR {
+    hn::Vec<Words> transposed[4];
+    transpose(d, a, b, c, e, transposed);
+    for (int r = 0; r < 4; ++r) hn::Store(transposed[r], d, to[r]);
+  };
+  const auto y = load(steps.upper[1]), z = load(steps.upper[2]);
+  store_rows(load(steps.lower[0]), load(steps.lower[1]), load(steps.lower[2]), load(steps.upper[0]), rows);
+  hn::Store(hn::InterleaveLower(d, y, z), d, ends[0]);
+  hn::Store(hn::InterleaveUpper(d, y, z), d, ends[1]);
+  if (points != nullptr) {
+    store_rows(load(steps.point[0]), load(steps.point[1]), load(steps.point[2]), hn::Zero(d), point_rows);
+  }
+  for (std::size_t k = 0; k < std::min(lanes, count); ++k) {
+    const std::size_t block = k / 4 * 4;
+    char* const to = reinterpret_cast<char*>(out + i + k);
+    std::memcpy(to, rows[k % 4] + block, 16);
+    std::memcpy(to + 16, ends[k % 4 / 2] + block + k % 2 * 2, 8);
+    if (points != nullptr) std::memcpy(points[i + k].at, point_rows[k % 4] + block, 16);
+  }
+#endif
 }
 
-/// The bounds of one shape at a pose. Spheres, boxes and capsules share one formula, that of a box widened by a radius,
-/// so no branch depends on which of the three the shape is. `hull` is null for these.
-HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space,
-                            FixedPoint* point) {
-  const double margin = rounding_margin * double{row.bounding_radius};
-  const RotationColumns shape_axes = columns_of(pose.orientation);
-  if (hull != nullptr) return bounds_about(pose, hull_extent(*hull, shape_axes), 0, margin, space, point);
-  const bool box = row.kind == ShapeKind::box, capsule = row.kind == ShapeKind::capsule;
-  const float half[3] = {box ? row.size[0] : 0, box ? row.size[1] : 0, capsule ? row.size[1] : row.size[2]};
-  return bounds_about(pose, symmetric(box_extent(shape_axes, half)), box ? 0 : double{row.size[0]}, margin, space,
-                      point);
+/// Computes the bounds of a batch, step by step.
+void bounds_of_batch(const Batch& shapes, const FixedSpace::Rows& space, Bounds* out, FixedPoint* points) {
+  Extents extents;
+  Steps steps;
+  extend(shapes, extents);
+  for (std::size_t i = 0; i < shapes.count; i += hn::Lanes(Doubles())) compute_steps(shapes, i, extents, space, steps);
+  for (std::size_t i = 0; i < shapes.count; i += hn::Lanes(Words())) {
+    write(steps, i, shapes.count - i, out, points);
+  }
 }
 
 void bounds_of_all(const PlacedShape* placed, const PlacedShape* end, const ShapeRow* rows, const Hull* const* hulls,
                    const FixedSpace::Rows& space, Bounds* out, FixedPoint* points) {
-  for (; placed != end; ++placed, ++out) {
-    *out = bounds_of(rows[placed->shape], hulls[placed->shape], *placed->pose, space, points);
-    points += points != nullptr ? 1 : 0;
+  while (placed != end) {
+    const std::size_t count = std::min(batch, static_cast<std::size_t>(end - placed));
+    bounds_of_batch({placed, count, rows, hulls}, space, out, points);
+    placed += count;
+    out += count;
+    if (points != nullptr) points += count;
   }
 }
 

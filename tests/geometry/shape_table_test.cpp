@@ -116,7 +116,7 @@ TEST_CASE("a batch of shapes gets the same bounds and points as single shapes") 
   const FixedSpace space({-100, -100, -100}, {100, 100, 100});
   std::normal_distribution<float> normal;
   std::uniform_real_distribution<double> unit(-110, 110);
-  for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 300u}) {
+  for (const std::size_t count : {0u, 1u, 7u, 9u, 63u, 64u, 65u, 300u}) {
     CAPTURE(count);
     std::vector<Pose> poses;
     std::vector<PlacedShape> placed;

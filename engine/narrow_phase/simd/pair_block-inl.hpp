@@ -21,6 +21,7 @@
 #include <cstring>
 #include <utility>
 
+#include "geometry/rows-inl.hpp"
 #include "narrow_phase/kernel.hpp"
 #include "narrow_phase/simd/lanes-inl.hpp"
 
@@ -64,19 +65,8 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Ve
 
 #else
 
-/// Converts four rows to four vectors of lanes, and back: transposes the 4 x 4 matrix in each 128-bit block.
-template <class D>
-HWY_INLINE void transpose(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e, hn::Vec<D>* out) {
-  const hn::Repartition<std::uint64_t, D> wide;
-  const auto ab_lower = hn::BitCast(wide, hn::InterleaveLower(d, a, b));
-  const auto ab_upper = hn::BitCast(wide, hn::InterleaveUpper(d, a, b));
-  const auto ce_lower = hn::BitCast(wide, hn::InterleaveLower(d, c, e));
-  const auto ce_upper = hn::BitCast(wide, hn::InterleaveUpper(d, c, e));
-  out[0] = hn::BitCast(d, hn::InterleaveLower(wide, ab_lower, ce_lower));
-  out[1] = hn::BitCast(d, hn::InterleaveUpper(wide, ab_lower, ce_lower));
-  out[2] = hn::BitCast(d, hn::InterleaveLower(wide, ab_upper, ce_upper));
-  out[3] = hn::BitCast(d, hn::InterleaveUpper(wide, ab_upper, ce_upper));
-}
+using geometry::HWY_NAMESPACE::join_rows;
+using geometry::HWY_NAMESPACE::transpose;
 
 template <class D>
 HWY_INLINE void load_rows(D d, const Rows<hn::MaxLanes(D())>& rows, hn::Vec<D>* out) {
@@ -90,29 +80,9 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Ve
   for (int r = 0; r < 4; ++r) hn::Store(out[r], d, rows.at[r]);
 }
 
-/// Joins one row of each 128-bit block of lanes to one vector: `row(lane)` points to four floats.
-template <class D, class Row>
-HWY_INLINE hn::Vec<D> join_rows(D d, const Row& row, std::size_t lane) {
-  if constexpr (hn::MaxLanes(D()) == 4) {
-    return hn::LoadU(d, row(lane));
-  } else {
-    const hn::Half<D> half;
-    return hn::Combine(d, join_rows(half, row, lane + hn::MaxLanes(half)), join_rows(half, row, lane));
-  }
-}
-
 #endif
 
-/// Loads four floats of each lane's row into four vectors of lanes; `row(lane)` points to them. Does not go through
-/// memory, where the wide loads would wait for the narrow stores.
-template <class D, class Row>
-HWY_INLINE void gather_rows(D d, const Row& row, hn::Vec<D>* out) {
-#if HWY_TARGET == HWY_SCALAR
-  for (int k = 0; k < 4; ++k) out[k] = hn::Set(d, row(0)[k]);
-#else
-  transpose(d, join_rows(d, row, 0), join_rows(d, row, 1), join_rows(d, row, 2), join_rows(d, row, 3), out);
-#endif
-}
+using geometry::HWY_NAMESPACE::gather_rows;
 
 HWY_INLINE void copy_row(const float* from, float* to) { std::memcpy(to, from, 4 * sizeof(float)); }
 
