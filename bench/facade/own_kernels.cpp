@@ -1,5 +1,7 @@
 #include "facade/own_kernels.hpp"
 
+#include <algorithm>
+
 #include "geometry/vector.hpp"
 
 namespace ringfence::bench {
@@ -18,9 +20,16 @@ Crowd::Crowd(const RecordedWorld& world)
 }
 
 void Crowd::place(const std::vector<Pose>& poses, std::size_t first, std::size_t end) {
-  for (std::size_t i = first; i < end; ++i) {
-    bodies_[i].pose = poses[i];
-    bounds_[i] = world_.shapes->bounds(bodies_[i].shape, poses[i], world_.space);
+  constexpr std::size_t batch = 64;
+  geometry::PlacedShape placed[batch];
+  for (std::size_t begin = first; begin < end; begin += batch) {
+    const std::size_t count = std::min(batch, end - begin);
+    for (std::size_t i = 0; i < count; ++i) {
+      narrow_phase::Body& body = bodies_[begin + i];
+      body.pose = poses[begin + i];
+      placed[i] = {&body.pose, body.shape};
+    }
+    world_.shapes->bounds({placed, count}, world_.space, &bounds_[begin]);
   }
 }
 

@@ -65,9 +65,28 @@ void ObjectStates::end_host_owned(std::uint32_t slot) {
 }
 
 void ObjectStates::apply_moves(Host& host) {
+  const auto changed = host.changed();
+  for (std::size_t begin = 0; begin < changed.size(); begin += Host::batch) {
+    apply_batch(host, changed.subspan(begin, std::min(Host::batch, changed.size() - begin)));
+  }
+  state_.model_failures.add(host.failures().span());
+  const HostRefusals& refusals = host.refusals();
+  auto& refused = state_.report().refused;
+  refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
+  refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
+  refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
+}
+
+void ObjectStates::apply_batch(Host& host, std::span<const std::uint32_t> changed) {
   constexpr std::size_t ahead = 6;
   ObjectTable& objects = state_.objects;
-  const auto changed = host.changed();
+  geometry::PlacedShape placed[Host::batch];
+  geometry::Bounds bounds[Host::batch];
+  for (std::size_t i = 0; i < changed.size(); ++i) {
+    const Hosted& hosted = host[changed[i]];
+    placed[i] = {&hosted.pose, hosted.shape};
+  }
+  state_.setup.shapes->bounds({placed, changed.size()}, *state_.setup.space, bounds);
   for (std::size_t i = 0; i < changed.size(); ++i) {
     if (i + ahead < changed.size()) {
       objects.prefetch(host[changed[i + ahead]].object.slot);
@@ -78,16 +97,10 @@ void ObjectStates::apply_moves(Host& host) {
     row.pose = hosted.pose;
     row.object.flags = hosted.object.flags & messages::flag_present;
     objects.set_jumped(slot, (hosted.object.flags & messages::flag_jumped) != 0);
-    objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    objects.bounds(slot) = bounds[i];
     std::copy_n(host.state(changed[i]), objects.state_bytes(), objects.new_state(slot));
     objects.mark_moved(slot);
   }
-  state_.model_failures.add(host.failures().span());
-  const HostRefusals& refusals = host.refusals();
-  auto& refused = state_.report().refused;
-  refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
-  refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
-  refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
 }
 
 void ObjectStates::store(const PeerSession& node, std::uint64_t frame, const messages::ObjectRef& object,

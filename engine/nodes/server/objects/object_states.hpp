@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "nodes/cd_node/region_objects.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
@@ -75,6 +76,8 @@ class ObjectStates {
   }
 
  private:
+  /// The same for at most Host::batch objects of the host, by their indices there.
+  void apply_batch(Host& host, std::span<const std::uint32_t> changed);
   const Host* owner(std::uint32_t slot) const noexcept;
   const std::byte* state_in_host(std::uint32_t slot) const noexcept;
   ServerState& state_;
