@@ -21,6 +21,7 @@ inline constexpr std::size_t max_hull_vertices = 256;
 /// `count` rounded up to whole vectors.
 constexpr std::size_t padded(std::size_t count) noexcept { return (count + hull_lanes - 1) / hull_lanes * hull_lanes; }
 
+/// `count` rounded up to a multiple of fixed_point_lanes.
 constexpr std::size_t padded_fixed_point(std::size_t count) noexcept {
   return (count + fixed_point_lanes - 1) / fixed_point_lanes * fixed_point_lanes;
 }

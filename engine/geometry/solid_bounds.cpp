@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "geometry/outer_steps.hpp"
-#include "geometry/vector.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "geometry/solid_bounds.cpp"
@@ -83,15 +82,16 @@ HWY_INLINE void compute_steps(const Batch& shapes, std::size_t i, const Extents&
                               Steps& out) {
   const Doubles d;
   const hn::Rebind<float, Doubles> narrow;
-  const auto widened = [&](const FloatColumn& column)
-                           HWY_ATTR { return hn::PromoteTo(d, hn::Load(narrow, column + i)); };
-  const auto widening = hn::Set(d, rounding_margin) * widened(extents.bounding_radius), round = widened(extents.round);
+  const auto in_double = [&](const FloatColumn& column)
+                             HWY_ATTR { return hn::PromoteTo(d, hn::Load(narrow, column + i)); };
+  const auto widening = hn::Set(d, rounding_margin) * in_double(extents.bounding_radius),
+             radius = in_double(extents.radius);
   hn::Vec<Doubles> position[3];
   gather_positions(
       d, [&](std::size_t lane) { return &shapes.at(i + lane).pose->position.x; }, position);
   for (int a = 0; a < 3; ++a) {
     const auto at = position[a], min = hn::Set(d, space.min[a]), scale = hn::Set(d, space.scale[a]);
-    const auto low = widened(extents.lower[a]) - round, high = widened(extents.upper[a]) + round;
+    const auto low = in_double(extents.lower[a]) - radius, high = in_double(extents.upper[a]) + radius;
     auto low_steps = (at + (low - widening) - min) * scale;
     auto high_steps = (at + (high + widening) - min) * scale;
     auto at_steps = (at - min) * scale;
@@ -152,7 +152,7 @@ HWY_INLINE void write(const Steps& steps, std::size_t i, std::size_t count, Boun
 void bounds_of_batch(const Batch& shapes, const FixedSpace::Rows& space, Bounds* out, FixedPoint* points) {
   Extents extents;
   Steps steps;
-  extend(shapes, extents);
+  compute_extents(shapes, extents);
   for (std::size_t i = 0; i < shapes.count; i += hn::Lanes(Doubles())) compute_steps(shapes, i, extents, space, steps);
   for (std::size_t i = 0; i < shapes.count; i += hn::Lanes(Words())) {
     write(steps, i, shapes.count - i, out, points);

@@ -35,7 +35,7 @@ struct Rotations {
 /// Extents along the world's axes relative to the origin of each shape, and what widens them on all sides.
 struct Extents {
   alignas(64) FloatColumn lower[3], upper[3];
-  alignas(64) FloatColumn round;            ///< the radius of spheres and capsules
+  alignas(64) FloatColumn radius;           ///< of spheres and capsules, else 0
   alignas(64) FloatColumn bounding_radius;  ///< the margin for rounding is a part of it
 };
 
@@ -50,8 +50,8 @@ struct Batch {
   HWY_INLINE const PlacedShape& at(std::size_t i) const { return placed[i < count ? i : count - 1]; }
 };
 
-/// Computes the terms of rotation(): 1 - (p + q) on the diagonal, p + q or p - q elsewhere.
-HWY_INLINE void rotate_lanes(Floats d, const hn::Vec<Floats>* q, hn::Vec<Floats> (&m)[3][3]) {
+/// Computes rotation matrices with the terms of rotation(): 1 - (p + q) on the diagonal, p + q or p - q elsewhere.
+HWY_INLINE void compute_rotations(Floats d, const hn::Vec<Floats>* q, hn::Vec<Floats> (&m)[3][3]) {
   const auto x = q[0], y = q[1], z = q[2], w = q[3], one = hn::Set(d, 1.0f);
   const auto x2 = x + x, y2 = y + y, z2 = z + z;
   m[0][0] = one - (y * y2 + z * z2);
@@ -67,7 +67,7 @@ HWY_INLINE void rotate_lanes(Floats d, const hn::Vec<Floats>* q, hn::Vec<Floats>
 
 /// Computes the extents of spheres, boxes and capsules: all are a box widened by a radius. Those of hulls
 /// get arbitrary values.
-HWY_INLINE void extend_boxes(const Batch& shapes, Rotations& rotations, Extents& out) {
+HWY_INLINE void compute_box_extents(const Batch& shapes, Rotations& rotations, Extents& out) {
   const Floats d;
   for (std::size_t i = 0; i < shapes.count; i += hn::Lanes(d)) {
     hn::Vec<Floats> orientation[4], size[4], m[3][3];
@@ -75,7 +75,7 @@ HWY_INLINE void extend_boxes(const Batch& shapes, Rotations& rotations, Extents&
         d, [&](std::size_t lane) { return &shapes.at(i + lane).pose->orientation.x; }, orientation);
     gather_rows(
         d, [&](std::size_t lane) { return shapes.rows[shapes.at(i + lane).shape].size; }, size);
-    rotate_lanes(d, orientation, m);
+    compute_rotations(d, orientation, m);
     // Of these three kinds only a box has a third size. A capsule has its second size along its third axis.
     const auto box = hn::Gt(size[2], hn::Zero(d));
     const hn::Vec<Floats> half[3] = {hn::IfThenElseZero(box, size[0]), hn::IfThenElseZero(box, size[1]),
@@ -86,14 +86,14 @@ HWY_INLINE void extend_boxes(const Batch& shapes, Rotations& rotations, Extents&
       hn::Store(hn::Neg(along), d, out.lower[a] + i);
       hn::Store(along, d, out.upper[a] + i);
     }
-    hn::Store(hn::IfThenZeroElse(box, size[0]), d, out.round + i);
+    hn::Store(hn::IfThenZeroElse(box, size[0]), d, out.radius + i);
     hn::Store(size[3], d, out.bounding_radius + i);
   }
 }
 
 /// Computes the extent of the i-th shape, a hull. The order of the reductions depends on the vector width, but the
 /// result does not: a minimum or maximum is exact in any order.
-HWY_INLINE void extend_hull(const Hull& hull, const Rotations& rotations, std::size_t i, Extents& out) {
+HWY_INLINE void compute_hull_extent(const Hull& hull, const Rotations& rotations, std::size_t i, Extents& out) {
   const hn::CappedTag<float, hull_lanes> d;
   hn::Vec<decltype(d)> low[3], high[3];
   const auto extent = [&](int a, std::size_t v) HWY_ATTR {
@@ -116,13 +116,13 @@ HWY_INLINE void extend_hull(const Hull& hull, const Rotations& rotations, std::s
     out.upper[a][i] = upper[a];
     out.lower[a][i] = -lower[a];
   }
-  out.round[i] = 0;
+  out.radius[i] = 0;
 }
 
 /// Computes the extents of a batch.
-inline void extend(const Batch& shapes, Extents& out) {
+inline void compute_extents(const Batch& shapes, Extents& out) {
   Rotations rotations;
-  extend_boxes(shapes, rotations, out);
+  compute_box_extents(shapes, rotations, out);
   // Listed first: a branch on the kind of each shape would be unpredictable.
   std::uint32_t hulls[batch];
   std::size_t hull_count = 0;
@@ -131,7 +131,7 @@ inline void extend(const Batch& shapes, Extents& out) {
     hull_count += shapes.hulls[shapes.placed[i].shape] != nullptr;
   }
   for (std::size_t k = 0; k < hull_count; ++k) {
-    extend_hull(*shapes.hulls[shapes.placed[hulls[k]].shape], rotations, hulls[k], out);
+    compute_hull_extent(*shapes.hulls[shapes.placed[hulls[k]].shape], rotations, hulls[k], out);
   }
 }
 

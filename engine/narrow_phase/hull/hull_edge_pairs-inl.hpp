@@ -93,11 +93,11 @@ class HullEdgePairs {
   HWY_INLINE void prefetch_edges(std::size_t side, std::size_t i) const {
     const geometry::HullEdge* const edges = hull(side, i).edges().data();
     const std::uint16_t* const list = list_[side][i];
-    // Eight at a time, which are almost always all: the entries past the last are edges too.
-    std::size_t k = 0;
-    do {
-      for (const std::size_t end = k + 8; k < end; ++k) base::prefetch_for_read(edges + list[k]);
-    } while (k < count_[side][i]);
+    const std::size_t count = count_[side][i];
+    // Four at a time, the last one again where there are fewer: the number of edges is unpredictable.
+    for (std::size_t k = 0; k < count; k += 4) {
+      for (std::size_t m = 0; m < 4; ++m) base::prefetch_for_read(edges + list[std::min(k + m, count - 1)]);
+    }
   }
 
   /// What is known of the edge pairs of a tile in which some pair is better than the best face.

@@ -62,7 +62,7 @@ HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index*
   return end;
 }
 
-/// The same where no bit is as likely as some: without a branch on it. May write four entries more.
+/// The same for words that often have no bit: without a branch on that. May write four entries more.
 template <class Index>
 HWY_INLINE std::size_t append_few_bits(std::uint64_t bits, std::size_t first, Index* out, std::size_t count) {
   const std::size_t end = count + static_cast<std::size_t>(std::popcount(bits));
@@ -91,6 +91,7 @@ HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::
 #endif
   return append_bits(bits, first, out, count);
 }
+/// Against a box a hull has fewer edges than four, so the loop is faster.
 HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint32_t* out, std::size_t count) {
   return append_bits(bits, first, out, count);
 }
