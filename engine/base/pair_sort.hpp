@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "base/flat_list.hpp"
+#include "base/prefetch.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::base {
@@ -39,6 +40,8 @@ class PairSort {
   void sort();
   /// The i-th key in the order of adding.
   std::uint64_t added(std::size_t i) const noexcept { return keys_[i]; }
+  /// Prefetches what added() reads.
+  void prefetch_added(std::size_t i) const noexcept { prefetch_for_read(&keys_[i]); }
   std::size_t size() const noexcept { return keys_.size(); }
   std::uint32_t at(std::size_t i) const noexcept {
     return static_cast<std::uint32_t>(wide_ ? wide_entries_[i].index

@@ -29,7 +29,17 @@ void ContactPublisher::list() {
   contacts.found.resize(hits.size());
   const bool keeps = state_.keeps_contacts();
   const bool notifies_others = state_.setup.hosts;
+  // The order is that of object numbers, so hits and objects are read at random: each stage reads what the one before
+  // has prefetched.
+  constexpr std::size_t ahead = 16;
+  const std::size_t last = hits.size() - 1;
   for (std::size_t i = 0; i < hits.size(); ++i) {
+    const std::uint32_t later = order.at(std::min(i + 2 * ahead, last));
+    order.prefetch_added(later);
+    base::prefetch_for_read(&hits[later]);
+    const geometry::CandidatePair& soon = hits[order.at(std::min(i + ahead, last))];
+    objects.prefetch_hosting(soon.a);
+    objects.prefetch_hosting(soon.b);
     base::prefetch_for_write(contacts.keys.data() + i + 32);
     base::prefetch_for_write(contacts.found.data() + i + 16);
     const std::uint32_t touch = order.at(i);

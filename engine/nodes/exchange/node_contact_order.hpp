@@ -52,7 +52,9 @@ class NodeContactOrder {
     constexpr std::size_t ahead = 10;
     for (std::size_t i = 0; i < size() + 4 * ahead; ++i) {
       if (i < size()) {
-        base::prefetch_for_read(&sources_[place(i)]);
+        const std::size_t at = place(i);
+        base::prefetch_for_read(&sources_[at]);
+        order_.prefetch_added(at);
       }
       if (const Source* source = behind(i, ahead)) {
         node_contacts_[source->node]->prefetch_lists();

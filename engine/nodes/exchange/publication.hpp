@@ -20,7 +20,7 @@ namespace ringfence::nodes {
 using PublishedState = SeenState;
 
 /// The states of one frame, in an order in which neighbours in space are near each other, and a tree of the boxes
-/// around each 16 of them: written once by one thread, then read in place by any number of threads.
+/// around each few of them, a leaf: written once by one thread, then read in place by any number of threads.
 ///
 /// Double-buffered: the last published frame and the one before it can be read. Where one thread writes and reads, the
 /// last one is enough.
@@ -33,7 +33,8 @@ using PublishedState = SeenState;
 /// The states are those of entries of a table, by number. Their order is kept from frame to frame, so publishing writes
 /// each state once, in that order, and the boxes. Any order is correct; a good one has small boxes, so that a reader
 /// lists few states that are not near. An entry that has another object than in the frame before is new: new entries
-/// follow behind the others, sorted among themselves. When boxes have grown too much, all are sorted (MedianSplits).
+/// follow behind the others, sorted among themselves. An entry without a state leaves its leaf, which becomes smaller,
+/// so that the others stay in theirs. When boxes have grown too much, all are sorted (MedianSplits).
 ///
 /// Cost: 4 ns a state and frame, and 40 to 75 ns to sort it. Readers copy nothing and write no cache line, so they do
 /// not disturb each other.
@@ -42,7 +43,7 @@ using PublishedState = SeenState;
 /// state and kept frame, and 12 more a state; 1 MB of the thread that writes. Grows and never shrinks.
 class Publication {
  public:
-  static constexpr std::size_t leaf_size = 16;  ///< states in a box of the tree
+  static constexpr std::size_t leaf_size = 16;  ///< the most states in a box of the tree
 
   /// What a writer has done with an entry.
   enum class Written : std::uint8_t {
@@ -85,13 +86,19 @@ class Publication {
     const FrameBuffer* buffer = find_buffer(frame);
     return buffer ? buffer->states.span() : std::span<const PublishedState>();
   }
-  /// Reader: the tree of a frame. Its box i contains the positions of the states from i * leaf_size on. Null if the
-  /// frame cannot be read.
+  /// Reader: where the leaves of a frame begin, then the number of states. Leaf i has the states from begins[i] to
+  /// begins[i + 1] - 1. Empty if the frame cannot be read.
+  std::span<const std::uint32_t> leaf_begins(std::uint64_t frame) const noexcept {
+    const FrameBuffer* buffer = find_buffer(frame);
+    return buffer ? buffer->leaf_begins.span() : std::span<const std::uint32_t>();
+  }
+  /// Reader: the tree of a frame. Its box i contains the positions of the states of leaf i. Null if the frame cannot be
+  /// read.
   const queries::BoxTree* tree(std::uint64_t frame) const noexcept {
     const FrameBuffer* buffer = find_buffer(frame);
     return buffer ? &buffer->tree : nullptr;
   }
-  /// Reader: prefetches what tree(), states() and bounds() read.
+  /// Reader: prefetches what tree(), states(), leaf_begins() and bounds() read.
   void prefetch() const noexcept {
     for (const FrameBuffer& buffer : buffers_) base::prefetch_object(buffer);
   }
@@ -104,12 +111,14 @@ class Publication {
   struct alignas(link::cache_line_pair_bytes) FrameBuffer {
     std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the other members are complete
     base::FlatList<PublishedState> states;
+    base::FlatList<std::uint32_t> leaf_begins;
     queries::BoxTree tree;
     geometry::CornerBox bounds;
   };
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
   static constexpr ObjectNumber no_number = 0;
+  static constexpr std::size_t tail_leaf_size = 8;  ///< of new entries, which are farther from each other
 
   const FrameBuffer* find_buffer(std::uint64_t frame) const noexcept {
     // Pairs with the store in finish().
@@ -131,27 +140,19 @@ class Publication {
     PublishedState* const to = states.data();
     std::uint32_t* const entries = entries_.data();
     ObjectNumber* const numbers = numbers_.data();
-    const std::size_t ends[3] = {sorted_, tail_sorted_, size};
-    std::size_t kept[3], count = 0, i = 0;
-    for (std::size_t part = 0; part < 3; ++part) {
-      for (; i < ends[part]; ++i) {
-        prefetch(entries[std::min(i + ahead, size - 1)]);
-        const std::uint32_t entry = entries[i];
-        const ObjectNumber number = numbers[i];
-        if (const Written written = write(entry, to[count]); written != Written::state) [[unlikely]] {
-          if (written == Written::nothing) absent_.push_back(entry);
-        } else if (to[count].number != number) [[unlikely]] {
-          new_.push_back(entry);
-        } else {
-          entries[count] = entry;
-          numbers[count] = number;
-          ++count;
-        }
+    std::size_t count = keep_entries([&](std::size_t i, std::size_t at) {
+      prefetch(entries[std::min(i + ahead, size - 1)]);
+      const std::uint32_t entry = entries[i];
+      if (const Written written = write(entry, to[at]); written != Written::state) [[unlikely]] {
+        if (written == Written::nothing) absent_.push_back(entry);
+        return false;
       }
-      kept[part] = count;
-    }
-    sorted_ = kept[0];
-    tail_sorted_ = kept[1];
+      if (to[at].number != numbers[i]) [[unlikely]] {
+        new_.push_back(entry);
+        return false;
+      }
+      return true;
+    });
     for (const std::uint32_t entry : new_) {
       (void)write(entry, to[count]);
       entries[count] = entry;
@@ -166,9 +167,36 @@ class Publication {
     entries_.resize(count);
     numbers_.resize(count);
   }
+  /// Keeps the listed entries for which keep(i, at) returns true, in their order: entry i comes to position `at`.
+  /// Leaves become smaller, and those without an entry are removed. Returns how many entries are kept.
+  template <class Keep>
+  std::size_t keep_entries(Keep keep) {
+    std::uint32_t* const entries = entries_.data();
+    ObjectNumber* const numbers = numbers_.data();
+    std::uint32_t* const begins = begins_.data();
+    const std::size_t leaves = begins_.size() - 1;
+    std::size_t i = 0, count = 0, kept = 0, kept_sorted = 0;
+    for (std::size_t leaf = 0; leaf <= leaves; ++leaf) {  // the last one is what is not sorted
+      kept_sorted = leaf <= sorted_leaves_ ? kept : kept_sorted;
+      const std::size_t end = leaf < leaves ? begins[leaf + 1] : entries_.size();
+      begins[kept] = static_cast<std::uint32_t>(count);
+      for (; i < end; ++i) {
+        if (keep(i, count)) [[likely]] {
+          entries[count] = entries[i];
+          numbers[count] = numbers[i];
+          ++count;
+        }
+      }
+      kept += leaf < leaves && count > begins[kept] ? 1 : 0;
+    }
+    begins_.resize(kept + 1);
+    sorted_leaves_ = kept_sorted;
+    return count;
+  }
   void finish();
   double set_boxes(FrameBuffer& buffer) const;
-  void sort(FrameBuffer& buffer, std::size_t first);
+  void sort(FrameBuffer& buffer, std::size_t leaf, std::size_t size);
+  void sort_states(FrameBuffer& buffer, std::size_t first);
 
   std::array<FrameBuffer, 2> buffers_;  ///< if one frame is kept, only the first is used
   double interest_;
@@ -179,9 +207,10 @@ class Publication {
   std::uint64_t frame_ = 0;
   base::FlatList<std::uint32_t> entries_;  ///< listed, in the order of their states
   base::FlatList<ObjectNumber> numbers_;   ///< parallel: the object in the last frame; no_number: none
-  /// Entries before it were sorted together, and those from there to tail_sorted_ too. The others follow behind them.
-  std::size_t sorted_ = 0, tail_sorted_ = 0;
-  double sorted_cost_ = 0;  ///< as set_boxes(), by state, when all were sorted
+  /// The first entry of each leaf, then that of the entries that are not sorted.
+  base::FlatList<std::uint32_t> begins_;
+  std::size_t sorted_leaves_ = 0;  ///< so many leaves were sorted together; those that follow them too
+  double sorted_cost_ = 0;         ///< as set_boxes(), by state, when all were sorted
   std::uint64_t sorted_frame_ = 0;
   std::vector<std::uint32_t> new_;  ///< entries; then the order of what is sorted
   std::vector<std::uint32_t> absent_;

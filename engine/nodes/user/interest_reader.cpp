@@ -33,7 +33,8 @@ void InterestReader::list_sources() {
     const queries::BoxTree* const tree = published.publication->tree(frame_);
     if (!published.any[parity] || tree == nullptr) continue;
     const bool is_own = own_ != nullptr && &published == &own_->published;
-    sources_.push_back({published.bounds[parity], tree, published.publication->states(frame_), is_own});
+    sources_.push_back({published.bounds[parity], tree, published.publication->states(frame_),
+                        published.publication->leaf_begins(frame_), is_own});
   }
 }
 
@@ -140,6 +141,7 @@ void InterestReader::list_own_places(const OwnStates& own) {
 
 void InterestReader::select(const Source& source) noexcept {
   states_ = source.states;
+  leaf_begins_ = source.leaf_begins;
   skipped_ = source.is_own ? std::span<const std::uint32_t>(own_places_) : std::span<const std::uint32_t>();
 }
 
@@ -208,9 +210,8 @@ void InterestReader::read_marked() {
 
 // Cuts out the user node's own states. Most user nodes have one.
 void InterestReader::read_range(const queries::BoxRange& range) {
-  constexpr std::uint32_t leaf = Publication::leaf_size;
-  std::uint32_t first = range.first * leaf;
-  const auto end = static_cast<std::uint32_t>(std::min<std::size_t>(std::size_t{range.end} * leaf, states_.size()));
+  std::uint32_t first = leaf_begins_[range.first];
+  const std::uint32_t end = leaf_begins_[range.end];
   if (!skipped_.empty()) {
     for (auto skipped = std::lower_bound(skipped_.begin(), skipped_.end(), first);
          skipped != skipped_.end() && *skipped < end; ++skipped) {

@@ -65,6 +65,7 @@ class InterestReader {
     geometry::CornerBox bounds;
     const queries::BoxTree* tree;
     std::span<const PublishedState> states;
+    std::span<const std::uint32_t> leaf_begins;
     bool is_own;
   };
 
@@ -98,6 +99,7 @@ class InterestReader {
   std::vector<std::uint32_t> own_places_;
   // Of the publication that is read:
   std::span<const PublishedState> states_;
+  std::span<const std::uint32_t> leaf_begins_;
   std::span<const std::uint32_t> skipped_;  ///< places that the user node does not read, ascending
 };
 

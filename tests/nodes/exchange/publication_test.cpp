@@ -40,6 +40,12 @@ class Table {
       entry.flags = random_() % one_in == 0 ? absent : 0;
     }
   }
+  /// From now on one in `one_in` entries has no state.
+  void remove(std::size_t one_in) {
+    for (PublishedState& entry : entries_) {
+      if (random_() % one_in == 0) entry.flags = absent;
+    }
+  }
   void place(std::size_t entry, const Vec3d& at) { entries_.at(entry) = {++last_, 0, {at, {}}}; }
   void move_to(std::size_t entry, const Vec3d& at) { entries_.at(entry).pose.position = at; }
   void publish(Publication& publication, std::uint64_t frame) const {
@@ -87,10 +93,10 @@ States near(const Publication& publication, std::uint64_t frame, const Vec3d& p,
   queries::TouchedBoxes touched;
   const queries::BoxTree& tree = *publication.tree(frame);
   const auto states = publication.states(frame);
+  const auto begins = publication.leaf_begins(frame);
   const std::size_t ranges = touched.find(tree, tree.box_of({p.x - r, p.y - r, p.z - r}, {p.x + r, p.y + r, p.z + r}));
   for (std::size_t i = 0; i < ranges; ++i) {
-    const std::size_t end = std::min<std::size_t>(touched[i].end * Publication::leaf_size, states.size());
-    for (std::size_t at = touched[i].first * Publication::leaf_size; at < end; ++at) {
+    for (std::size_t at = begins[touched[i].first]; at < begins[touched[i].end]; ++at) {
       REQUIRE(found.emplace(states[at].number, states[at]).second);
     }
   }
@@ -162,6 +168,21 @@ TEST_CASE("a reader lists few states that are not near, also after objects have 
     sum += frame > 180 ? listed_over_within(publication, frame, table, interest) : 0;
   }
   CHECK(sum / 20 < 8);
+}
+
+TEST_CASE("objects that leave do not make readers list more of the others that are not near") {
+  constexpr double interest = 2;
+  Table table(40, 12);
+  Publication publication(0, interest);
+  table.resize(8000);
+  table.publish(publication, 1);
+  const double sorted = listed_over_within(publication, 1, table, interest);
+  table.remove(20);
+  table.publish(publication, 2);  // too early to sort again
+  const double left = listed_over_within(publication, 2, table, interest);
+  CAPTURE(sorted);
+  CAPTURE(left);
+  CHECK(left < 1.1 * sorted);
 }
 
 TEST_CASE("objects that fall far out of the world do not make readers list what is not near them") {
@@ -312,8 +333,8 @@ TEST_CASE("readers in lock-step with a writer see every frame whole") {
         const queries::BoxTree& tree = *publication.tree(frame);
         const std::size_t ranges = touched.find(tree, tree.box_of({0, 0, 0}, {1e6, 1e6, 1e6}));
         const auto all = publication.states(frame);
-        const std::size_t end = ranges == 1 ? touched[0].end * Publication::leaf_size : 0;
-        for (std::size_t i = 0; i < std::min(end, all.size()); ++i) {
+        const std::size_t end = ranges == 1 ? publication.leaf_begins(frame)[touched[0].end] : 0;
+        for (std::size_t i = 0; i < end; ++i) {
           sum += all[i].flags;
           count += all[i].pose.position.x == static_cast<double>(frame) ? 1 : 0;
         }
