@@ -242,7 +242,9 @@ bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* ne
   const std::uint32_t flags = (output.enabled ? flag_present : 0u) | (output.jump ? flag_jumped : 0u) |
                               (hosted.object.flags & (flag_host_owned | flag_jumped));
   const bool moved = !(output.pose == hosted.pose);  // a pose with NaN counts as moved and is refused
-  if (moved) {
+  if (moved && is_exact_pose(output.pose)) [[likely]] {
+    hosted.pose = output.pose;
+  } else if (moved) {
     Pose pose = output.pose;
     const Status status = make_valid(pose);
     if (status != Status::ok) {

@@ -13,19 +13,17 @@ Status check_pose(const Pose& pose) noexcept {
 }
 
 Status make_valid(Pose& pose) noexcept {
+  if (is_exact_pose(pose)) {
+    return Status::ok;
+  }
   if (!is_valid_pose(pose)) {
     return check_pose(pose);
   }
-  // The squared norm of a unit quaternion rounded to four floats is within 2.4e-7 of 1, so such a quaternion is not
-  // changed.
   Quat& q = pose.orientation;
-  const double square = detail::squared_norm(q);
-  if (std::abs(square - 1.0) > 1e-6) {
-    const double length = std::sqrt(square);
-    const double x = q.x, y = q.y, z = q.z, w = q.w;
-    q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
-         static_cast<float>(w / length)};
-  }
+  const double length = std::sqrt(detail::squared_norm(q));
+  const double x = q.x, y = q.y, z = q.z, w = q.w;
+  q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
+       static_cast<float>(w / length)};
   return Status::ok;
 }
 
