@@ -113,14 +113,16 @@ class CodeEncoder {
 
 HWY_INLINE std::uint64_t swap_halves(std::uint64_t code) { return code << 32 | code >> 32; }
 
-// Calls visit(first, last) for each range of adjacent boxes of a bucket, in the order of staging.
+// Calls visit(first, last, next) for each range of adjacent boxes of a bucket, in the order of staging. `next`: where
+// the next range begins; of the last range, its own end.
 template <class Visit>
 HWY_INLINE void for_each_run(const RowGrid& grid, std::uint32_t bucket, Visit&& visit) {
   const std::uint32_t end = grid.cursor[bucket];
-  for (std::uint32_t chunk = grid.first_chunk[bucket];; chunk = grid.next_chunk[chunk]) {
+  for (std::uint32_t chunk = grid.first_chunk[bucket];;) {
     const std::uint32_t first = chunk * RowGrid::chunk;
-    if (end - first < RowGrid::chunk) return visit(first, end);
-    visit(first, first + RowGrid::chunk);
+    if (end - first < RowGrid::chunk) return visit(first, end, end);
+    chunk = grid.next_chunk[chunk];
+    visit(first, first + RowGrid::chunk, chunk * RowGrid::chunk);
   }
 }
 
@@ -134,7 +136,7 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
   // The loop that counts the boxes of each cell also prefetches the memory that the last loop writes.
   std::uint64_t* codes_ahead = grid.codes.data() + grid.count;
   GridEntry* entries_ahead = grid.entries.data() + grid.count;
-  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
+  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last, std::uint32_t) {
     for (std::uint32_t k = first; k < last; ++k) {
       if (k % 8 == 0) {
         base::prefetch_for_read(codes_ahead);
@@ -153,17 +155,27 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
     sum += here;
   }
   grid.count = sum;
-  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
+  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last, std::uint32_t next) {
+    constexpr std::uint32_t ahead = 64;  // the hardware prefetcher does not know in which chunk the next boxes are
     const GridBox* HWY_RESTRICT boxes = grid.boxes.data();
     const std::uint32_t* HWY_RESTRICT keys = grid.keys.data();
     std::uint64_t* HWY_RESTRICT codes = grid.codes.data();
     GridEntry* HWY_RESTRICT entries = grid.entries.data();
-    for (std::uint32_t k = first; k < last; ++k) {
+    const auto put = [&](std::uint32_t k) HWY_ATTR {
       const std::uint32_t key = keys[k];
       const std::uint32_t to = cell_end[key]++;
       codes[to] = encode(boxes[k]);
       entries[to] = {k, key};
       if (layered) grid.layer_bits[to] = 1u << grid.staged_layers[k];
+    };
+    std::uint32_t k = first;
+    for (; k + ahead < last; ++k) {
+      base::prefetch_for_read(boxes + k + ahead);
+      put(k);
+    }
+    for (; k < last; ++k) {
+      base::prefetch_for_read(boxes + (next + ahead - (last - k)));
+      put(k);
     }
   });
 }
