@@ -6,7 +6,10 @@ target_compile_options(ringfence_options INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
   $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
   # Results must have the same bits on every machine: no contraction to fused multiply-adds.
-  -ffp-contract=off)
+  -ffp-contract=off
+  # Position-independent code: without this option GCC does not inline a function that a program could replace at run
+  # time, that is, any function that other files can call.
+  -fno-semantic-interposition)
 # The instruction sets that kernels are compiled for must be the same in every file, because functions of Highway that a
 # compiler does not inline number them. No SSSE3: a machine without SSE4 uses the plain C++ target, and there is one
 # target less to build. AVX3_DL: processors from Ice Lake on look up 64 bytes in one instruction, which the search for
