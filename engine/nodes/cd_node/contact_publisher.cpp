@@ -38,8 +38,12 @@ void ContactPublisher::list() {
     order.prefetch_added(later);
     base::prefetch_for_read(&hits[later]);
     const geometry::CandidatePair& soon = hits[order.at(std::min(i + ahead, last))];
-    objects.prefetch_hosting(soon.a);
-    objects.prefetch_hosting(soon.b);
+    objects.prefetch_slot(soon.a);
+    objects.prefetch_slot(soon.b);
+    if (keeps) {
+      objects.prefetch_hosted(soon.a);
+      objects.prefetch_hosted(soon.b);
+    }
     base::prefetch_for_write(contacts.keys.data() + i + 32);
     base::prefetch_for_write(contacts.found.data() + i + 16);
     const std::uint32_t touch = order.at(i);

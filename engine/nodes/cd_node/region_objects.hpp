@@ -104,12 +104,9 @@ class RegionObjects {
       }
     }
   }
-  /// Prefetches what slot(), hosted() and next_host() read.
-  void prefetch_hosting(std::uint32_t i) const noexcept {
-    base::prefetch_for_read(&slots_[i]);
-    base::prefetch_for_read(&hosted_[i]);
-    base::prefetch_for_read(&marks_[i]);
-  }
+  /// Prefetch what slot() and hosted() read.
+  void prefetch_slot(std::uint32_t i) const noexcept { base::prefetch_for_read(&slots_[i]); }
+  void prefetch_hosted(std::uint32_t i) const noexcept { base::prefetch_for_read(&hosted_[i]); }
   /// Removes an object; the last one takes its index. Does nothing if the object is unknown.
   void remove(std::uint32_t slot);
   void clear() noexcept;
