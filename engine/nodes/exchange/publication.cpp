@@ -116,8 +116,9 @@ void Publication::finish() {
   FrameBuffer& buffer = buffers_[current_];
   const std::size_t size = buffer.states.size();
   const std::size_t sorted = begins_[sorted_leaves_], tail_sorted = begins_.back();
-  // New entries that are many of all are sorted with the others, and else with those that came shortly before.
-  bool all = size - sorted > size / 4;
+  // New entries that are many of all are sorted with the others, and else with those that came shortly before. Where
+  // many objects have left, leaves are small, and the tree is larger than it has to be.
+  bool all = size - sorted > size / 4 || begins_.size() > size / 4 + 16;
   if (!all && size - tail_sorted > (tail_sorted - sorted) / 8) {
     sort(buffer, sorted_leaves_, tail_leaf_size);
   }

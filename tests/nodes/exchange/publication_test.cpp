@@ -185,6 +185,21 @@ TEST_CASE("objects that leave do not make readers list more of the others that a
   CHECK(left < 1.1 * sorted);
 }
 
+TEST_CASE("a publication of which most objects have left has few leaves") {
+  Table table(40, 13);
+  Publication publication(0, 2);
+  table.resize(8000);
+  for (std::uint64_t frame = 1; frame < 9; ++frame) {
+    table.publish(publication, frame);
+    const std::size_t states = publication.states(frame).size();
+    CAPTURE(frame);
+    CHECK(publication.leaf_begins(frame).size() <= states / 4 + 17);
+    CHECK(publication.leaf_begins(frame).back() == states);
+    table.remove(2);
+  }
+  CHECK(publication.states(8).size() < 100);
+}
+
 TEST_CASE("objects that fall far out of the world do not make readers list what is not near them") {
   constexpr double interest = 4;
   for (const double speed : {0.0, 1e3, 1e9}) {
