@@ -37,6 +37,12 @@ void BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
   fill(leaves, box_of, all_groups(leaves.size));
 }
 
+void BoxTree::reserve(std::size_t boxes) {
+  levels_.reserve(max_levels);
+  const std::size_t groups = boxes / (tree_width - 1) + max_levels;
+  groups_.reserve(groups + groups / 8);  // as lay_out()
+}
+
 BoxGroup* BoxTree::start(std::size_t size, const Vec3d& origin) {
   lay_out(size);
   origin_ = origin;

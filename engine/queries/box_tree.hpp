@@ -63,6 +63,8 @@ class BoxTree {
     fill(RowOrder{rows, order.data(), order.size()}, box_of, groups);
   }
 
+  /// Ensures room for so many boxes.
+  void reserve(std::size_t boxes);
   /// Replaces the contents by `size` boxes around that origin, which the caller then sets by set_box() in what this
   /// returns. The tree is complete after finish().
   BoxGroup* start(std::size_t size, const Vec3d& origin);

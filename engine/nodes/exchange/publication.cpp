@@ -85,11 +85,15 @@ Publication::Publication(std::size_t states, double interest, std::size_t kept_f
   entries_.reserve(states);
   numbers_.reserve(states);
   new_.reserve(states);
-  begins_.reserve(states / leaf_size + 2);
+  // At most as many leaves as finish() keeps, those of new entries that it sorts then, and of those that it does not
+  // sort.
+  const std::size_t leaves = states / 4 + states / 16 + 32;
+  begins_.reserve(leaves);
   begins_.push_back(0);
   for (FrameBuffer& buffer : std::span(buffers_).first(kept_frames)) {
     buffer.states.reserve(states);
-    buffer.leaf_begins.reserve(states / leaf_size + 2);
+    buffer.leaf_begins.reserve(leaves);
+    buffer.tree.reserve(leaves);
   }
 }
 
