@@ -12,7 +12,7 @@ namespace {
 /// Moves each object to a given pose, looked up by its number.
 class RecordedMotion final : public MotionModel {
  public:
-  /// As an application would that has just computed them, it has the poses in its cache.
+  /// Loads the poses into the cache, where an application that has just computed them would have them.
   void set_poses(std::span<const Pose> poses) noexcept {
     poses_ = poses.data();
     const auto* const first = reinterpret_cast<const std::byte*>(poses.data());

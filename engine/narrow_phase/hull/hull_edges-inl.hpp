@@ -91,7 +91,7 @@ HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::
 #endif
   return append_bits(bits, first, out, count);
 }
-/// Against a box a hull has fewer edges than four, so the loop is faster.
+/// Of a hull tested with a box fewer than four edges are listed on average, so the loop is faster.
 HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint32_t* out, std::size_t count) {
   return append_bits(bits, first, out, count);
 }

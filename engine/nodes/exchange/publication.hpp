@@ -43,8 +43,6 @@ using PublishedState = SeenState;
 /// state and kept frame, and 12 more a state; 1 MB of the thread that writes. Grows and never shrinks.
 class Publication {
  public:
-  static constexpr std::size_t leaf_size = 16;  ///< the most states in a box of the tree
-
   /// What a writer has done with an entry.
   enum class Written : std::uint8_t {
     state,     ///< it has a state, and this is set
@@ -118,7 +116,8 @@ class Publication {
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
   static constexpr ObjectNumber no_number = 0;
-  static constexpr std::size_t tail_leaf_size = 8;  ///< of new entries, which are farther from each other
+  static constexpr std::size_t leaf_size = 16;      ///< the most states in a leaf
+  static constexpr std::size_t tail_leaf_size = 8;  ///< the same of new entries, which are farther from each other
 
   const FrameBuffer* find_buffer(std::uint64_t frame) const noexcept {
     // Pairs with the store in finish().
