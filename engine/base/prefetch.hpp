@@ -26,14 +26,15 @@ inline void prefetch_for_write(const void* address) noexcept {
 #endif
 }
 
-/// Loads all lines of `object` for a read that follows soon. The object may start anywhere in a line.
+/// Loads all lines of `object` for a read that follows soon. Unless its type is aligned to lines, the object may start
+/// anywhere in a line.
 template <class T>
 inline void prefetch_object(const T& object) noexcept {
   const char* const first = reinterpret_cast<const char*>(&object);
   for (unsigned at = 0; at < sizeof(T); at += 64) {
     prefetch_for_read(first + at);
   }
-  prefetch_for_read(first + sizeof(T) - 1);
+  if constexpr (alignof(T) < 64) prefetch_for_read(first + sizeof(T) - 1);
 }
 
 }  // namespace ringfence::base

@@ -169,17 +169,14 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
   const ShapeTag* const tag = tags.data();
   Key* const key = pair_keys.get();
   const unsigned by_shape = pairs.size() >= min_pairs_sorted_by_shape ? ~0u : 0u;
-  const std::size_t last = pairs.size() - 1;
-  std::uint64_t set = 0;
   if (by_shape != 0) {
     std::fill(std::begin(ends), std::end(ends), 0u);
   } else {
     for (std::size_t k = 0; k < keys; ++k) ends[k << shape_bits] = 0;
   }
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + prefetch_distance, last)];
-    base::prefetch_object(bodies[ahead.a]);
-    base::prefetch_object(bodies[ahead.b]);
+  std::uint64_t set = 0;
+  const auto add = [&](std::size_t i) {
+    const geometry::CandidatePair pair = pairs[i];
     const ShapeNumber p = bodies[pair.a].shape, q = bodies[pair.b].shape;
     const ShapeTag a = tag[p], b = tag[q];
     const KeyTable::Entry entry = key_table.entry[a.kind() * 8 + b.kind()];
@@ -190,7 +187,14 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
     const unsigned slot = k & key_order;
     ++ends[slot];
     set |= std::uint64_t{1} << (slot >> shape_bits);
+  };
+  std::size_t i = 0;
+  for (const std::size_t ahead = pairs.size() - std::min(prefetch_distance, pairs.size()); i < ahead; ++i) {
+    base::prefetch_object(bodies[pairs[i + prefetch_distance].a]);
+    base::prefetch_object(bodies[pairs[i + prefetch_distance].b]);
+    add(i);
   }
+  for (; i < pairs.size(); ++i) add(i);
   return set;
 }
 

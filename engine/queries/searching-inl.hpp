@@ -15,12 +15,16 @@
 
 #include <hwy/highway.h>
 
+#include "geometry/front-inl.hpp"
 #include "queries/tree_kernels.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::queries::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
+
+using geometry::HWY_NAMESPACE::lanes_of;
+using geometry::HWY_NAMESPACE::lanes_of_bits;
 
 using Lanes = hn::CappedTag<float, tree_width>;
 

@@ -93,8 +93,9 @@ HWY_INLINE std::size_t descend_level(const BoxTree& tree, std::size_t level, con
       const auto reached =
           hn::And(compare(groups[group], lane, reaches[query], when), hn::RebindMask(d, hn::Lt(children, nodes)));
       hn::StoreU(hn::Set(numbers, query), numbers, queries_out + size);
-      hn::StoreU(hn::Compress(children, hn::RebindMask(numbers, reached)), numbers, groups_out + size);
-      if constexpr (is_leaf) hn::StoreU(hn::Compress(when, reached), d, at + size);
+      const auto lanes = lanes_of(d, reached);
+      hn::StoreU(hn::Add(hn::Set(numbers, first), lanes), numbers, groups_out + size);
+      if constexpr (is_leaf) hn::StoreU(hn::TableLookupLanes(when, hn::IndicesFromVec(d, lanes)), d, at + size);
       size += hn::CountTrue(d, reached);
     }
   }

@@ -56,13 +56,12 @@ HWY_INLINE std::size_t touched_children(const BoxGroup* HWY_RESTRICT groups, con
                                         std::uint32_t* HWY_RESTRICT to) {
   const Lanes d;
   const hn::Rebind<std::uint32_t, Lanes> numbers;
-  const auto iota = hn::Iota(numbers, 0);
   std::size_t size = 0;
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
       const auto touched = test(groups[from[i]], lane);
-      const auto children = hn::Add(iota, hn::Set(numbers, static_cast<std::uint32_t>(from[i] * tree_width + lane)));
-      hn::StoreU(hn::Compress(children, hn::RebindMask(numbers, touched)), numbers, to + size);
+      const auto first = hn::Set(numbers, static_cast<std::uint32_t>(from[i] * tree_width + lane));
+      hn::StoreU(hn::Add(first, lanes_of(d, touched)), numbers, to + size);
       size += hn::CountTrue(d, touched);
     }
   }
@@ -76,7 +75,6 @@ HWY_INLINE std::size_t touched_ranges(const BoxGroup* HWY_RESTRICT groups, const
                                       std::uint32_t* HWY_RESTRICT ends) {
   const Lanes d;
   const hn::Rebind<std::uint32_t, Lanes> numbers;
-  const auto iota = hn::Iota(numbers, 0);
   std::size_t size = 0;
   std::uint32_t open = 0;    // whether a range includes the box before `next`
   std::uint32_t next = ~0u;  // the box behind the group before
@@ -92,9 +90,8 @@ HWY_INLINE std::size_t touched_ranges(const BoxGroup* HWY_RESTRICT groups, const
     const std::uint32_t changes = bits ^ (bits << 1 | (open & adjoins));
     for (std::size_t lane = 0; lane < tree_width; lane += hn::Lanes(d)) {
       const auto mask_bits = static_cast<std::uint8_t>(changes >> lane & ((1u << hn::Lanes(d)) - 1));
-      const std::uint8_t loaded[8] = {mask_bits};
-      const auto boxes = hn::Add(iota, hn::Set(numbers, static_cast<std::uint32_t>(first + lane)));
-      hn::StoreU(hn::Compress(boxes, hn::LoadMaskBits(numbers, loaded)), numbers, ends + size);
+      const auto boxes = hn::Set(numbers, static_cast<std::uint32_t>(first + lane));
+      hn::StoreU(hn::Add(boxes, lanes_of_bits(numbers, mask_bits)), numbers, ends + size);
       size += static_cast<std::size_t>(std::popcount(mask_bits));
     }
     open = bits >> (tree_width - 1) & 1;

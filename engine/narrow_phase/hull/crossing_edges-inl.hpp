@@ -31,21 +31,12 @@ class CrossingEdges {
     const hn::Vec<D> all[columns] = {normal.x,    normal.y,    normal.z,    first_of_a.x, first_of_a.y, first_of_a.z,
                                      last_of_a.x, last_of_a.y, last_of_a.z, first_of_b.x, first_of_b.y, first_of_b.z,
                                      last_of_b.x, last_of_b.y, last_of_b.z, height};
-    if constexpr (compress_hits) {
-      const hn::RebindToUnsigned<D> ids;
-      const auto index = hn::Iota(ids, static_cast<std::uint32_t>(i));
-      hn::StoreU(hn::Compress(index, hn::RebindMask(ids, mask)), ids, pair + count);
-      for (std::size_t c = 0; c < columns; ++c) hn::StoreU(hn::Compress(all[c], mask), d, column_[c] + count);
-      count += hn::CountTrue(d, mask);
-    } else {
-      alignas(64) float lane_of[columns][hn::MaxLanes(D())];
-      for (std::size_t c = 0; c < columns; ++c) hn::Store(all[c], d, lane_of[c]);
-      for (std::uint32_t bits = bits_of(d, mask); bits != 0; bits &= bits - 1, ++count) {
-        const auto lane = static_cast<std::size_t>(std::countr_zero(bits));
-        pair[count] = static_cast<std::uint32_t>(i + lane);
-        for (std::size_t c = 0; c < columns; ++c) column_[c][count] = lane_of[c][lane];
-      }
-    }
+    const hn::RebindToUnsigned<D> ids;
+    const auto lanes = lanes_of(d, mask);
+    hn::StoreU(hn::Add(lanes, hn::Set(ids, static_cast<std::uint32_t>(i))), ids, pair + count);
+    const auto order = hn::IndicesFromVec(d, lanes);
+    for (std::size_t c = 0; c < columns; ++c) hn::StoreU(hn::TableLookupLanes(all[c], order), d, column_[c] + count);
+    count += hn::CountTrue(d, mask);
   }
 
   void compute() {

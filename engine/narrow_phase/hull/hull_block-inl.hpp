@@ -18,10 +18,13 @@
 #include <type_traits>
 
 #include "geometry/max_lanes-inl.hpp"
+#include "geometry/rows-inl.hpp"
 #include "narrow_phase/hull/pair_kernel-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+using geometry::HWY_NAMESPACE::gather_rows;
 
 inline constexpr std::size_t block_pairs = PlacementColumns::most;
 

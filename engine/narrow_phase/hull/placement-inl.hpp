@@ -158,16 +158,15 @@ class PlacementColumns {
   template <ShapeKind first, ShapeKind second, class D>
   HWY_INLINE void place(D d, const KernelInput& input, const KernelPair* pairs, std::size_t count) {
     constexpr std::size_t lanes = hn::MaxLanes(D());
-    Gathered<Kinds<first, second>, lanes> gathered;
+    using Both = Kinds<first, second>;
     for (std::size_t i = 0; i < count; i += lanes) {
       if (count - i >= lanes) {
-        gathered.fill(input, pairs + i);
+        place_vector<first, second>(d, gather<Both>(d, input, pairs + i), i);
       } else {
         KernelPair padded[lanes];
         std::fill(std::copy(pairs + i, pairs + count, padded), padded + lanes, pairs[count - 1]);
-        gathered.fill(input, padded);
+        place_vector<first, second>(d, gather<Both>(d, input, padded), i);
       }
-      place_vector<first, second>(d, gathered.lanes(d), i);
     }
   }
 

@@ -40,11 +40,7 @@ class RoundHullBlock {
       hull_[i] = &input.shapes.hull(input.shapes.row(input.bodies[pairs_[i].second].shape).index_in_kind);
       size_[i] = hull_[i]->bounding_radius();
     }
-    for (std::size_t i = 0; i < block_pairs; i += lanes) {
-      Gathered<Kinds, lanes> gathered;
-      gathered.fill(input, pairs_ + i);
-      place(gathered.lanes(d), i);
-    }
+    for (std::size_t i = 0; i < block_pairs; i += lanes) place(gather<Kinds>(d, input, pairs_ + i), i);
   }
 
   PairContact* test(PairContact* out) {

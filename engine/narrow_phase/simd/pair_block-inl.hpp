@@ -1,9 +1,5 @@
-// Shared by all closed-form kernels: gathers candidate pairs into lanes and writes contacts. Included once for each
-// Highway target.
-//
-// A block of pairs is gathered from rows of 48 and 32 bytes. Each row is copied with 16-byte loads into rows of the
-// block, and four such rows become four vectors by in-register transposes. Contacts of 32 bytes are written without a
-// branch.
+// Shared by all closed-form kernels: tests candidate pairs in vectors, one pair per lane. Included once for each Highway
+// target.
 //
 // A kernel is a struct with the two kinds and `static LaneContacts<D> test(D, const Lanes<D>&)`, for D of float and of
 // double.
@@ -18,251 +14,61 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
-#include <utility>
 
-#include "geometry/rows-inl.hpp"
 #include "narrow_phase/kernel.hpp"
+#include "narrow_phase/simd/lane_contacts-inl.hpp"
 #include "narrow_phase/simd/lanes-inl.hpp"
+#include "narrow_phase/simd/pair_lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// The input of a kernel in lanes. Only the fields that the kinds need are filled: a sphere has no orientation.
-template <class D>
-struct Lanes {
-  Vector<D> offset;  ///< from the first body's position to the second's, metres
-  Quaternion<D> first_orientation, second_orientation;
-  Vector<D> first_size, second_size;  ///< as in ShapeRow::size
-};
-
-constexpr bool has_orientation(ShapeKind kind) { return kind != ShapeKind::sphere; }
-
-/// Number of vectors that are gathered before the first is computed. By then the 16-byte stores have left the store
-/// buffer; the wide loads could not be forwarded from it.
-inline constexpr std::size_t group = 4;
-
-/// The rows of one vector of pairs, [row within four][column]: lane 4 b + r is in row r, columns 4 b to 4 b + 3.
-template <std::size_t lanes>
-struct Rows {
-  alignas(64) float at[4][std::max<std::size_t>(lanes, 4)];
-
-  float* of(std::size_t lane) { return &at[lane % 4][lane / 4 * 4]; }
-};
-
-#if HWY_TARGET == HWY_SCALAR
-
-template <class D>
-HWY_INLINE void load_rows(D d, const Rows<1>& rows, hn::Vec<D>* out) {
-  for (int k = 0; k < 4; ++k) out[k] = hn::Load(d, &rows.at[0][k]);
-}
-
-template <class D>
-HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e, Rows<1>& rows) {
-  const hn::Vec<D> in[4] = {a, b, c, e};
-  for (int k = 0; k < 4; ++k) hn::Store(in[k], d, &rows.at[0][k]);
-}
-
-#else
-
-using geometry::HWY_NAMESPACE::join_rows;
-using geometry::HWY_NAMESPACE::transpose;
-
-template <class D>
-HWY_INLINE void load_rows(D d, const Rows<hn::MaxLanes(D())>& rows, hn::Vec<D>* out) {
-  transpose(d, hn::Load(d, rows.at[0]), hn::Load(d, rows.at[1]), hn::Load(d, rows.at[2]), hn::Load(d, rows.at[3]), out);
-}
-
-template <class D>
-HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e, Rows<hn::MaxLanes(D())>& rows) {
-  hn::Vec<D> out[4];
-  transpose(d, a, b, c, e, out);
-  for (int r = 0; r < 4; ++r) hn::Store(out[r], d, rows.at[r]);
-}
-
-#endif
-
-using geometry::HWY_NAMESPACE::gather_rows;
-
-HWY_INLINE void copy_row(const float* from, float* to) { std::memcpy(to, from, 4 * sizeof(float)); }
-
-/// Writes second - first and, as the fourth float, `fourth`. The difference is computed in double, then rounded.
-HWY_INLINE void write_offset(const Body& first, const Body& second, float fourth, float* to) {
-#if HWY_MAX_BYTES >= 32
-  // Reads eight bytes past z, which are still inside the body. They are masked before the conversion, which could be
-  // slow for arbitrary bits.
-  alignas(32) static constexpr std::uint64_t three[4] = {~0ull, ~0ull, ~0ull, 0};
-  alignas(16) static constexpr std::uint32_t last[4] = {0, 0, 0, ~0u};
-  const hn::FixedTag<double, 4> position;
-  const hn::RebindToUnsigned<decltype(position)> position_bits;
-  const hn::FixedTag<float, 4> row;
-  const hn::RebindToUnsigned<decltype(row)> row_bits;
-  const auto difference = hn::LoadU(position, &second.pose.position.x) - hn::LoadU(position, &first.pose.position.x);
-  const auto masked = hn::And(difference, hn::BitCast(position, hn::Load(position_bits, three)));
-  const auto extra = hn::And(hn::Set(row, fourth), hn::BitCast(row, hn::Load(row_bits, last)));
-  hn::Store(hn::Or(hn::DemoteTo(row, masked), extra), row, to);
-#else
-  to[0] = static_cast<float>(second.pose.position.x - first.pose.position.x);
-  to[1] = static_cast<float>(second.pose.position.y - first.pose.position.y);
-  to[2] = static_cast<float>(second.pose.position.z - first.pose.position.z);
-  to[3] = fourth;
-#endif
-}
-
-/// The rows of one vector of pairs, for a kernel in float.
-template <class K, std::size_t N>
-struct Gathered {
-  static constexpr bool first_is_sphere = K::first == ShapeKind::sphere;
-  static constexpr bool second_is_sphere = K::second == ShapeKind::sphere;
-
-  Rows<N> offset;  ///< the fourth float is the first body's radius if it is a sphere
-  Rows<has_orientation(K::first) ? N : 4> first_orientation;
-  Rows<has_orientation(K::second) ? N : 4> second_orientation;
-  Rows<first_is_sphere ? 4 : N> first_size;
-  Rows<second_is_sphere ? 4 : N> second_size;
-  alignas(64) float second_radius[N];
-
-  HWY_INLINE void fill(const KernelInput& input, const KernelPair* pairs) {
-    const Body* bodies = input.bodies.data();
-    const geometry::ShapeRow* rows = input.shapes.rows();
-    fill_lanes(bodies, rows, pairs, std::make_index_sequence<N>());
-  }
-
-  /// Unrolled, so that the addresses of a lane's rows are known at compile time.
-  template <std::size_t... lane>
-  HWY_INLINE void fill_lanes(const Body* bodies, const geometry::ShapeRow* rows, const KernelPair* pairs,
-                             std::index_sequence<lane...>) {
-    (fill_lane(bodies, rows, pairs[lane], lane), ...);
-  }
-
-  HWY_INLINE void fill_lane(const Body* bodies, const geometry::ShapeRow* rows, const KernelPair& pair,
-                            std::size_t lane) {
-    const Body& first = bodies[pair.first];
-    const Body& second = bodies[pair.second];
-    const geometry::ShapeRow& first_row = rows[first.shape];
-    const geometry::ShapeRow& second_row = rows[second.shape];
-    write_offset(first, second, first_row.size[0], offset.of(lane));
-    if constexpr (has_orientation(K::first)) copy_row(&first.pose.orientation.x, first_orientation.of(lane));
-    if constexpr (has_orientation(K::second)) copy_row(&second.pose.orientation.x, second_orientation.of(lane));
-    if constexpr (!first_is_sphere) copy_row(first_row.size, first_size.of(lane));
-    if constexpr (second_is_sphere) {
-      second_radius[lane] = second_row.size[0];
-    } else {
-      copy_row(second_row.size, second_size.of(lane));
-    }
-  }
-
-  template <class D>
-  HWY_INLINE Lanes<D> lanes(D d) const {
-    Lanes<D> out;
-    hn::Vec<D> v[4];
-    load_rows(d, offset, v);
-    out.offset = {v[0], v[1], v[2]};
-    if constexpr (first_is_sphere) out.first_size.x = v[3];
-    if constexpr (has_orientation(K::first)) {
-      load_rows(d, first_orientation, v);
-      out.first_orientation = {v[0], v[1], v[2], v[3]};
-    }
-    if constexpr (has_orientation(K::second)) {
-      load_rows(d, second_orientation, v);
-      out.second_orientation = {v[0], v[1], v[2], v[3]};
-    }
-    if constexpr (!first_is_sphere) {
-      load_rows(d, first_size, v);
-      out.first_size = {v[0], v[1], v[2]};
-    }
-    if constexpr (second_is_sphere) {
-      out.second_size.x = hn::Load(d, second_radius);
-    } else {
-      load_rows(d, second_size, v);
-      out.second_size = {v[0], v[1], v[2]};
-    }
-    return out;
-  }
-};
-
-/// Whether the hits of a vector are compressed to its front before it is stored. Otherwise every lane is stored, and
-/// the end advances past the lanes that hit. Measured for spheres: AVX-512 4.8 ns per pair against 5.1, SSE4 6.5
-/// against 7.4; but AVX2, which emulates the missing instruction with tables, 16.5 against 6.2.
-#if HWY_TARGET == HWY_AVX2
-inline constexpr bool compress_hits = false;
-#else
-inline constexpr bool compress_hits = true;
-#endif
-
-template <class V, class M>
-HWY_INLINE V to_front(V v, M hit) {
-  if constexpr (compress_hits) {
-    return hn::Compress(v, hit);
-  } else {
-    return v;
-  }
-}
-
-/// Stores the contacts of the lanes that hit; `head` and `tail` are the two halves of each lane's contact.
-template <class D>
-HWY_INLINE PairContact* store_hits(D d, Rows<hn::MaxLanes(D())>& head, Rows<hn::MaxLanes(D())>& tail, hn::Mask<D> hit,
+/// Tests one vector of pairs and writes the contacts of the first `count`. Not inlined, so that there is one copy of
+/// the kernel for all places that call it.
+template <class K, class D>
+HWY_NOINLINE PairContact* test_one(D d, const Lanes<D>& in, const KernelPair* pairs, std::size_t count,
                                    PairContact* out) {
-  constexpr std::size_t lanes = hn::MaxLanes(d);
-  if constexpr (compress_hits) {
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
-      unsigned char* const to = reinterpret_cast<unsigned char*>(out + lane);
-      std::memcpy(to, head.of(lane), 16);
-      std::memcpy(to + 16, tail.of(lane), 16);
-    }
-    return out + hn::CountTrue(d, hit);
-  } else {
-    std::uint8_t bytes[8];
-    hn::StoreMaskBits(d, hit, bytes);
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
-      unsigned char* const to = reinterpret_cast<unsigned char*>(out);
-      std::memcpy(to, head.of(lane), 16);
-      std::memcpy(to + 16, tail.of(lane), 16);
-      out += bytes[lane / 8] >> lane % 8 & 1;
-    }
-    return out;
-  }
+  return write<K>(d, pairs, count, K::test(d, in), in.offset, out);
 }
 
-/// Writes the contacts of the lanes below `count` that hit. Zeros are written as +0, because targets differ in their
-/// sign.
+/// Tests two vectors of pairs. Most instructions of a test depend on the one before, and a processor does not look
+/// ahead as far as to the next vector, so the compiler mixes the instructions of both: CMakeLists.txt has the option.
 template <class K, class D>
-HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, const LaneContacts<D>& found,
-                              const Vector<D>& offset, PairContact* out) {
+HWY_NOINLINE PairContact* test_two(D d, const Lanes<D>* in, const KernelPair* pairs, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
-  const hn::RebindToUnsigned<D> ids;
-  const auto zero = hn::Zero(d);
-  hn::Vec<decltype(ids)> first, second, pair, flipped;
-  hn::LoadInterleaved4(ids, &pairs->first, first, second, pair, flipped);
-  Vector<D> normal = found.normal, point = found.point;
-  if constexpr (K::first != K::second) {
-    const auto flip = hn::BitCast(d, flipped);
-    const auto sign = hn::BroadcastSignBit(hn::BitCast(hn::RebindToSigned<D>(), flipped));
-    const auto flips = hn::MaskFromVec(hn::BitCast(d, sign));
-    normal = {hn::Xor(normal.x, flip), hn::Xor(normal.y, flip), hn::Xor(normal.z, flip)};
-    point = choose(d, flips, subtract(d, point, offset), point);
-  }
-  const hn::Mask<D> hit = count < lanes ? hn::And(found.hit, hn::FirstN(d, count)) : found.hit;
-  Rows<lanes> head, tail;
-  store_rows(d, to_front(hn::BitCast(d, pair), hit), to_front(hn::Max(found.depth, zero) + zero, hit),
-             to_front(normal.x + zero, hit), to_front(normal.y + zero, hit), head);
-  store_rows(d, to_front(normal.z + zero, hit), to_front(point.x + zero, hit), to_front(point.y + zero, hit),
-             to_front(point.z + zero, hit), tail);
-  return store_hits(d, head, tail, hit, out);
+  const LaneContacts<D> p = K::test(d, in[0]), q = K::test(d, in[1]);
+  out = write<K>(d, pairs, lanes, p, in[0].offset, out);
+  return write<K>(d, pairs + lanes, lanes, q, in[1].offset, out);
 }
 
-/// Tests `vectors` <= group full vectors of pairs.
+/// Tests full vectors of pairs.
 template <class K, class D>
-HWY_INLINE PairContact* run_group(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors,
-                                  PairContact* out) {
+PairContact* run_full(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
-  Gathered<K, lanes> gathered[group];
-  begin_gathering(input);
-  for (std::size_t v = 0; v < vectors; ++v) gathered[v].fill(input, pairs + v * lanes);
-  end_gathering(input);
-  for (std::size_t v = 0; v < vectors; ++v) {
-    const Lanes<D> in = gathered[v].lanes(d);
-    out = write<K>(d, pairs + v * lanes, lanes, K::test(d, in), in.offset, out);
+  Lanes<D> gathered[2];
+  for (; vectors >= 2; vectors -= 2, pairs += 2 * lanes) {
+    gathered[0] = gather<K>(d, input, pairs);
+    gathered[1] = gather<K>(d, input, pairs + lanes);
+    out = test_two<K>(d, gathered, pairs, out);
+  }
+  return vectors == 0 ? out : test_one<K>(d, gather<K>(d, input, pairs), pairs, lanes, out);
+}
+
+/// The same for pairs that are timed. They are gathered in larger groups, because reading the clock takes as long as
+/// gathering a vector.
+template <class K, class D>
+PairContact* run_timed(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors, PairContact* out) {
+  constexpr std::size_t lanes = hn::MaxLanes(d), most = 64 / lanes;
+  Lanes<D> gathered[most];
+  while (vectors > 0) {
+    const std::size_t count = std::min(vectors, most);
+    input.gather_timer->begin();
+    for (std::size_t v = 0; v < count; ++v) gathered[v] = gather<K>(d, input, pairs + v * lanes);
+    input.gather_timer->end();
+    for (std::size_t v = 0; v + 1 < count; v += 2) out = test_two<K>(d, gathered + v, pairs + v * lanes, out);
+    if (count % 2 != 0) out = test_one<K>(d, gathered[count - 1], pairs + (count - 1) * lanes, lanes, out);
+    vectors -= count;
+    pairs += count * lanes;
   }
   return out;
 }
@@ -273,12 +79,10 @@ PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, st
   constexpr std::size_t lanes = hn::MaxLanes(d);
   KernelPair padded[lanes];
   std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
-  Gathered<K, lanes> gathered;
   begin_gathering(input);
-  gathered.fill(input, padded);
+  const Lanes<D> in = gather<K>(d, input, padded);
   end_gathering(input);
-  const Lanes<D> in = gathered.lanes(d);
-  return write<K>(d, padded, count, K::test(d, in), in.offset, out);
+  return test_one<K>(d, in, padded, count, out);
 }
 
 /// Tests all pairs in float: full vectors first, then the narrowest vector that holds the rest.
@@ -290,13 +94,10 @@ PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounte
   constexpr std::size_t lanes = hn::MaxLanes(full);
   const std::size_t size = input.pairs.size();
   const KernelPair* pairs = input.pairs.data();
-  std::size_t begin = 0;
-  while (size - begin >= lanes) {
-    const std::size_t vectors = std::min((size - begin) / lanes, group);
-    out = run_group<K>(full, input, pairs + begin, vectors, out);
-    begin += vectors * lanes;
-    counters.lanes += vectors * lanes;
-  }
+  const std::size_t begin = size / lanes * lanes;
+  out = input.gather_timer == nullptr ? run_full<K>(full, input, pairs, size / lanes, out)
+                                      : run_timed<K>(full, input, pairs, size / lanes, out);
+  counters.lanes += begin;
   const std::size_t rest = size - begin;
   if (rest == 0) return out;
   if (rest > hn::MaxLanes(half)) {
