@@ -48,7 +48,7 @@ class GatherTimer {
 struct KernelInput {
   std::span<const Body> bodies;
   geometry::ShapeView shapes;
-  std::span<const KernelPair> pairs;
+  std::span<const KernelPair> pairs = {};
   /// True if the sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller
   /// one (ShapeTag::needs_double in narrow_phase.cpp). The kernel then computes everything in double, also positions
   /// and quaternions, which it normalises in double. The value is the same for all pairs of an input and depends on the
@@ -56,6 +56,20 @@ struct KernelInput {
   bool in_double = false;
   GatherTimer* gather_timer = nullptr;  ///< null: these pairs are not timed
   AxisMemory* memory = nullptr;         ///< null: separating axes are not cached; only the kernel of two hulls uses it
+  /// Used instead of `pairs` unless it is empty: consecutive candidates, from index `first_candidate` on, so that no
+  /// list has to be written. Only for kernels of two spheres, boxes or capsules, in float.
+  std::span<const geometry::CandidatePair> candidates = {};
+  std::uint32_t first_candidate = 0;
+
+  /// Selects `count` pairs of `all`, from pair `begin` on.
+  void select(const KernelInput& all, std::size_t begin, std::size_t count) noexcept {
+    if (all.candidates.empty()) {
+      pairs = all.pairs.subspan(begin, count);
+    } else {
+      candidates = all.candidates.subspan(begin, count);
+      first_candidate = all.first_candidate + static_cast<std::uint32_t>(begin);
+    }
+  }
 };
 
 /// Kernels call these before and after they gather their input.

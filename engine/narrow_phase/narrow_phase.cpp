@@ -141,9 +141,10 @@ struct NarrowPhase::Implementation {
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   std::uint64_t compute_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
   void sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin, std::uint64_t set);
-  PairContact* test_key(std::span<const Body> bodies, std::size_t key, std::span<const KernelPair> pairs,
-                        PairContact* out);
-  PairContact* time_block(Kernel kernel, const KernelInput& input, PairContact* out, KindCounters& counter);
+  KernelInput input_of(std::span<const Body> bodies, std::size_t key) const;
+  PairContact* test_key(const KernelInput& input, std::size_t key, std::size_t size, PairContact* out);
+  PairContact* time_block(Kernel kernel, const KernelInput& input, std::size_t size, PairContact* out,
+                          KindCounters& counter);
   PairContact* test_chunk(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs,
                           std::size_t begin, PairContact* out);
 };
@@ -214,36 +215,45 @@ void NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> 
   }
 }
 
-PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies, std::size_t key,
-                                                   std::span<const KernelPair> pairs, PairContact* out) {
+KernelInput NarrowPhase::Implementation::input_of(std::span<const Body> bodies, std::size_t key) const {
+  KernelInput input{bodies, shapes.view()};
+  input.in_double = (key & key_in_double) != 0;
+  input.memory = memory.get();
+  return input;
+}
+
+/// Tests the `size` pairs of the input.
+PairContact* NarrowPhase::Implementation::test_key(const KernelInput& input, std::size_t key, std::size_t size,
+                                                   PairContact* out) {
   const Kinds kinds = key_table.kinds[key];
   KindCounters& counter = counters[index_of(kinds.first)][index_of(kinds.second)];
-  counter.candidates += pairs.size();
+  counter.candidates += size;
   const Kernel kernel = kernel_of(kinds.first, kinds.second);
   std::size_t& until = until_timed[index_of(kinds.first)][index_of(kinds.second)];
   const Sampling sampling = sampling_of(kinds);
-  KernelInput input{bodies, shapes.view(), pairs, (key & key_in_double) != 0};
-  input.memory = memory.get();
+  KernelInput part = input;
   PairContact* end = out;
+  std::size_t begin = 0;
   // Tests whole blocks before the timed one, so that timing does not leave vectors partly filled.
-  for (std::size_t at; (at = until / sampling.block * sampling.block) < pairs.size();) {
-    const std::size_t block = std::min(sampling.block, pairs.size() - at);
-    input.pairs = pairs.first(at);
-    if (at > 0) end = kernel(input, end, counter);
-    input.pairs = pairs.subspan(at, block);
-    end = time_block(kernel, input, end, counter);
-    pairs = pairs.subspan(at + block);
+  for (std::size_t at; (at = until / sampling.block * sampling.block) < size - begin;) {
+    part.select(input, begin, at);
+    if (at > 0) end = kernel(part, end, counter);
+    begin += at;
+    const std::size_t block = std::min(sampling.block, size - begin);
+    part.select(input, begin, block);
+    end = time_block(kernel, part, block, end, counter);
+    begin += block;
     until = sampling.interval;
   }
-  until -= pairs.size();
-  input.pairs = pairs;
-  if (!pairs.empty()) end = kernel(input, end, counter);
+  until -= size - begin;
+  part.select(input, begin, size - begin);
+  if (begin < size) end = kernel(part, end, counter);
   counter.hits += static_cast<std::uint64_t>(end - out);
   return end;
 }
 
-PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const KernelInput& input, PairContact* out,
-                                                     KindCounters& counter) {
+PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const KernelInput& input, std::size_t size,
+                                                     PairContact* out, KindCounters& counter) {
   GatherTimer gather_timer;
   KernelInput timed = input;
   timed.gather_timer = &gather_timer;
@@ -254,11 +264,11 @@ PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const Kernel
     return time - std::min(time, read_cost * clock_reads);
   };
   const std::uint64_t nanoseconds = without_clock_reads(all, gather_timer.clock_reads() + 1);
-  counter.timed += input.pairs.size();
+  counter.timed += size;
   counter.nanoseconds += nanoseconds;
   counter.gather_nanoseconds +=
       std::min(nanoseconds, without_clock_reads(gather_timer.nanoseconds(), gather_timer.clock_reads() / 2));
-  counter.cost[cost_bucket(nanoseconds, input.pairs.size())] += static_cast<std::uint32_t>(input.pairs.size());
+  counter.cost[cost_bucket(nanoseconds, size)] += static_cast<std::uint32_t>(size);
   return end;
 }
 
@@ -266,15 +276,25 @@ PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodie
                                                      std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                                      PairContact* out) {
   if (uniform) {
-    copy(pairs, begin);
     const std::size_t kind = tags.front().kind();
-    return test_key(bodies, key_table.entry[kind * 8 + kind].key >> shape_bits, {sorted.get(), pairs.size()}, out);
+    const std::size_t key = key_table.entry[kind * 8 + kind].key >> shape_bits;
+    KernelInput input = input_of(bodies, key);
+    if (kind <= index_of(ShapeKind::capsule)) {
+      input.candidates = pairs;
+      input.first_candidate = static_cast<std::uint32_t>(begin);
+    } else {
+      copy(pairs, begin);
+      input.pairs = {sorted.get(), pairs.size()};
+    }
+    return test_key(input, key, pairs.size(), out);
   }
   const std::uint64_t set = compute_keys(bodies, pairs);
   sort(pairs, begin, set);
   std::uint32_t from = 0;
   for_each_key(set, [&](std::size_t key) {
-    out = test_key(bodies, key, {sorted.get() + from, sorted.get() + key_ends[key]}, out);
+    KernelInput input = input_of(bodies, key);
+    input.pairs = {sorted.get() + from, sorted.get() + key_ends[key]};
+    out = test_key(input, key, input.pairs.size(), out);
     from = key_ends[key];
   });
   return out;

@@ -180,7 +180,7 @@ HWY_INLINE PairContact* write_block(D d, const KernelPair* pairs, std::size_t co
     const LaneContacts<D> world{hit, hn::Load(d, found.depth + i), rotate(d, first, load(d, found.normal, i)),
                                 rotate(d, first, load(d, found.point, i))};
     const Vector<D> offset{column(placed.world(0)), column(placed.world(1)), column(placed.world(2))};
-    out = write<Kinds>(d, pairs + i, std::min(count - i, hn::MaxLanes(D())), world, offset, out);
+    out = write<Kinds>(d, ids_of(d, pairs + i), std::min(count - i, hn::MaxLanes(D())), world, offset, out);
   }
   return out;
 }

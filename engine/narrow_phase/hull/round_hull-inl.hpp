@@ -367,7 +367,7 @@ class RoundHullBlock {
       const auto hit = hn::MaskFromVec(hn::BitCast(d, hn::Load(bits, found_.hit + i)));
       const LaneContacts<D> world{hit, hn::Load(d, found_.depth + i), rotate(d, to_world, load(d, found_.normal, i)),
                                   rotate(d, to_world, load(d, found_.point, i))};
-      out = write<Kinds>(d, pairs_ + i, std::min(count_ - i, lanes), world, load(d, offset_, i), out);
+      out = write<Kinds>(d, ids_of(d, pairs_ + i), std::min(count_ - i, lanes), world, load(d, offset_, i), out);
     }
     return out;
   }

@@ -42,7 +42,7 @@ struct CapsuleCapsule {
     const auto x = dot(d, in.offset, u), y = dot(d, in.offset, side), z = dot(d, in.offset, up);
 
     // The origin is outside, past the edge at an end of q: t is that end, s is free.
-    const auto end_t = hn::CopySign(q_half, y) * hn::Set(d, Scalar<D>{-1});
+    const auto end_t = hn::Neg(hn::CopySign(q_half, y));
     const auto past_end = hn::Abs(y) - s * q_half;
     const auto end_x = x + c * end_t;
     const auto end_gap_x = excess(d, end_x, p_half), end_gap_y = hn::CopySign(past_end, y);
@@ -50,7 +50,7 @@ struct CapsuleCapsule {
 
     // The origin is outside, past the edge at an end of p: s is that end, t is free. The edge runs along v.
     const auto skew = hn::IfThenElse(parallel, y * c, y * c - x * s);
-    const auto tip_s = hn::CopySign(p_half, skew) * hn::Set(d, Scalar<D>{-1});
+    const auto tip_s = hn::Neg(hn::CopySign(p_half, skew));
     const auto past_tip = hn::Abs(skew) - s * p_half;
     const auto tip_x = x - tip_s;
     const auto tip_along = tip_x * c + y * s;

@@ -21,13 +21,18 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 using geometry::HWY_NAMESPACE::front_order;
 using geometry::HWY_NAMESPACE::lanes_of;
 
-#if HWY_TARGET == HWY_SCALAR
-
 /// PairContact::pair and KernelPair::flipped of each lane.
 template <class D>
-HWY_INLINE void load_indices(D d, const KernelPair* pairs, hn::Vec<D>& pair, hn::Vec<D>& flipped) {
-  pair = hn::Set(d, pairs->pair);
-  flipped = hn::Set(d, pairs->flipped);
+struct LaneIds {
+  hn::Vec<hn::RebindToUnsigned<D>> pair, flipped;
+};
+
+#if HWY_TARGET == HWY_SCALAR
+
+template <class D>
+HWY_INLINE LaneIds<D> ids_of(D, const KernelPair* pairs) {
+  const hn::RebindToUnsigned<D> ids;
+  return {hn::Set(ids, pairs->pair), hn::Set(ids, pairs->flipped)};
 }
 
 /// Stores the contact of the lane if it hits. `words` are the eight words of a contact.
@@ -39,15 +44,15 @@ HWY_INLINE PairContact* store_hits(D d, const hn::Vec<D>* words, hn::Mask<D> hit
 
 #else
 
-/// PairContact::pair and KernelPair::flipped of each lane.
 template <class D>
-HWY_INLINE void load_indices(D d, const KernelPair* pairs, hn::Vec<D>& pair, hn::Vec<D>& flipped) {
+HWY_INLINE LaneIds<D> ids_of(D, const KernelPair* pairs) {
+  const hn::RebindToUnsigned<D> ids;
   constexpr std::size_t lanes = hn::MaxLanes(D());
   const std::uint32_t* const words = &pairs->first;
-  const auto a = hn::LoadU(d, words), b = hn::LoadU(d, words + lanes), c = hn::LoadU(d, words + 2 * lanes),
-             e = hn::LoadU(d, words + 3 * lanes);
-  pair = hn::ConcatOdd(d, hn::ConcatEven(d, e, c), hn::ConcatEven(d, b, a));
-  flipped = hn::ConcatOdd(d, hn::ConcatOdd(d, e, c), hn::ConcatOdd(d, b, a));
+  const auto a = hn::LoadU(ids, words), b = hn::LoadU(ids, words + lanes), c = hn::LoadU(ids, words + 2 * lanes),
+             e = hn::LoadU(ids, words + 3 * lanes);
+  return {hn::ConcatOdd(ids, hn::ConcatEven(ids, e, c), hn::ConcatEven(ids, b, a)),
+          hn::ConcatOdd(ids, hn::ConcatOdd(ids, e, c), hn::ConcatOdd(ids, b, a))};
 }
 
 /// Stores one contact of each 128-bit block: the first to `to`, the others 4, 8 and 12 contacts behind it.
@@ -71,8 +76,8 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> head, hn::Vec<D> tail, PairContact* t
 
 /// Stores sixteen contacts to `out`, those of the lanes that hit first. `words` are the eight words of a contact. One
 /// permutation of two vectors moves the hits to the front and joins a word with the next, so nothing is compressed.
-HWY_INLINE void store_hits_first(hn::FixedTag<float, 16> d, const hn::Vec<hn::FixedTag<float, 16> >* words,
-                                 hn::Mask<hn::FixedTag<float, 16> > hit, PairContact* out) {
+HWY_INLINE void store_hits_first(hn::FixedTag<float, 16> d, const hn::Vec<hn::FixedTag<float, 16>>* words,
+                                 hn::Mask<hn::FixedTag<float, 16>> hit, PairContact* out) {
   using V = hn::Vec<decltype(d)>;
   const hn::RebindToUnsigned<decltype(d)> ids;
   const hn::Repartition<double, decltype(d)> two_words;
@@ -134,25 +139,22 @@ HWY_INLINE PairContact* store_hits(D d, const hn::Vec<D>* words, hn::Mask<D> hit
 /// Writes the contacts of the lanes below `count` that hit. Zeros are written as +0, because targets differ in their
 /// sign.
 template <class K, class D>
-HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, const LaneContacts<D>& found,
+HWY_INLINE PairContact* write(D d, const LaneIds<D>& ids, std::size_t count, const LaneContacts<D>& found,
                               const Vector<D>& offset, PairContact* out) {
-  const hn::RebindToUnsigned<D> ids;
   const auto zero = hn::Zero(d);
-  hn::Vec<decltype(ids)> pair, flipped;
-  load_indices(ids, pairs, pair, flipped);
   Vector<D> normal = found.normal, point = found.point;
   if constexpr (K::first != K::second) {
-    const auto flip = hn::BitCast(d, flipped);
-    const auto sign = hn::BroadcastSignBit(hn::BitCast(hn::RebindToSigned<D>(), flipped));
+    const auto flip = hn::BitCast(d, ids.flipped);
+    const auto sign = hn::BroadcastSignBit(hn::BitCast(hn::RebindToSigned<D>(), ids.flipped));
     const auto flips = hn::MaskFromVec(hn::BitCast(d, sign));
     normal = {hn::Xor(normal.x, flip), hn::Xor(normal.y, flip), hn::Xor(normal.z, flip)};
     point = choose(d, flips, subtract(d, point, offset), point);
   }
   const hn::Mask<D> hit = count < hn::MaxLanes(d) ? hn::And(found.hit, hn::FirstN(d, count)) : found.hit;
-  const hn::Vec<D> words[8] = {hn::BitCast(d, pair), hn::Max(found.depth, zero) + zero,
-                               normal.x + zero,      normal.y + zero,
-                               normal.z + zero,      point.x + zero,
-                               point.y + zero,       point.z + zero};
+  const hn::Vec<D> words[8] = {hn::BitCast(d, ids.pair), hn::Max(found.depth, zero) + zero,
+                               normal.x + zero,          normal.y + zero,
+                               normal.z + zero,          point.x + zero,
+                               point.y + zero,           point.z + zero};
   return store_hits(d, words, hit, out);
 }
 

@@ -90,23 +90,22 @@ HWY_INLINE hn::Vec<D> sign_of(D d, hn::Vec<D> v) {
   return hn::CopySignToAbs(hn::Set(d, Scalar<D>{1}), v);
 }
 
-/// The factor for the products of a quaternion's components in a rotation matrix. In double, the rounding of the
-/// quaternion's components to float would be visible, so the factor normalises the matrix. In float, that error is as
-/// small as any other rounding.
+/// The components by which the others are multiplied in a rotation matrix: twice x, y and z. In double, the rounding of
+/// the quaternion's components to float would be visible, so they are scaled to normalise the matrix. In float, that
+/// error is as small as any other rounding.
 template <class D>
-HWY_INLINE hn::Vec<D> product_scale(D d, const Quaternion<D>& q) {
-  const auto two = hn::Set(d, Scalar<D>{2});
+HWY_INLINE Vector<D> product_factors(D d, const Quaternion<D>& q) {
   if constexpr (sizeof(Scalar<D>) == 8) {
-    return two / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    const auto s = hn::Set(d, 2.0) / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+    return {q.x * s, q.y * s, q.z * s};
   } else {
-    return two;
+    return {q.x + q.x, q.y + q.y, q.z + q.z};  // not a product: kernels have more of these than sums
   }
 }
 
 template <class D>
 HWY_INLINE Rotation<D> rotation(D d, const Quaternion<D>& q) {
-  const auto s = product_scale(d, q);
-  const auto x2 = q.x * s, y2 = q.y * s, z2 = q.z * s;
+  const auto [x2, y2, z2] = product_factors(d, q);
   const auto xx = q.x * x2, yy = q.y * y2, zz = q.z * z2;
   const auto xy = q.x * y2, xz = q.x * z2, yz = q.y * z2;
   const auto wx = q.w * x2, wy = q.w * y2, wz = q.w * z2;
@@ -117,8 +116,7 @@ HWY_INLINE Rotation<D> rotation(D d, const Quaternion<D>& q) {
 /// The third column of the rotation: the direction of a capsule's axis.
 template <class D>
 HWY_INLINE Vector<D> z_axis(D d, const Quaternion<D>& q) {
-  const auto s = product_scale(d, q);
-  const auto x2 = q.x * s, y2 = q.y * s, z2 = q.z * s;
+  const auto [x2, y2, z2] = product_factors(d, q);
   return {q.x * z2 + q.w * y2, q.y * z2 - q.w * x2, hn::Set(d, Scalar<D>{1}) - q.x * x2 - q.y * y2};
 }
 

@@ -1,5 +1,5 @@
-// Shared by all closed-form kernels: tests candidate pairs in vectors, one pair per lane. Included once for each Highway
-// target.
+// Shared by all closed-form kernels: tests candidate pairs in vectors, one pair per lane. Included once for each
+// Highway target.
 //
 // A kernel is a struct with the two kinds and `static LaneContacts<D> test(D, const Lanes<D>&)`, for D of float and of
 // double.
@@ -23,93 +23,152 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
+/// What the test of one vector of pairs needs.
+template <class D>
+struct PairLanes {
+  Lanes<D> in;
+  LaneIds<D> ids;
+};
+
+/// The pairs of an input, as a kernel reads them.
+struct SortedPairs {
+  const KernelInput& input;
+
+  std::size_t size() const { return input.pairs.size(); }
+
+  /// Gathers as many pairs as `d` has lanes, from pair i on.
+  template <class K, class D>
+  HWY_INLINE PairLanes<D> gather_from(D d, std::size_t i) const {
+    const KernelPair* const pairs = input.pairs.data() + i;
+    return {gather<K>(d, input, pairs), ids_of(d, pairs)};
+  }
+
+  /// The same for the pairs i to i + count - 1, fewer than `d` has lanes. The other lanes repeat the last pair.
+  template <class K, class D>
+  HWY_INLINE PairLanes<D> gather_rest(D d, std::size_t i, std::size_t count) const {
+    constexpr std::size_t lanes = hn::MaxLanes(D());
+    const KernelPair* const pairs = input.pairs.data() + i;
+    KernelPair padded[lanes];
+    std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
+    return {gather<K>(d, input, padded), ids_of(d, padded)};
+  }
+};
+
+/// The same for consecutive candidates.
+struct Candidates {
+  const KernelInput& input;
+
+  std::size_t size() const { return input.candidates.size(); }
+
+  template <class K, class D>
+  HWY_INLINE PairLanes<D> gather_from(D d, std::size_t i) const {
+    return {gather<K>(d, input, input.candidates.data() + i), ids_from(d, i)};
+  }
+
+  template <class K, class D>
+  HWY_INLINE PairLanes<D> gather_rest(D d, std::size_t i, std::size_t count) const {
+    constexpr std::size_t lanes = hn::MaxLanes(D());
+    const geometry::CandidatePair* const pairs = input.candidates.data() + i;
+    geometry::CandidatePair padded[lanes];
+    std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
+    return {gather<K>(d, input, padded), ids_from(d, i)};
+  }
+
+ private:
+  template <class D>
+  HWY_INLINE LaneIds<D> ids_from(D, std::size_t i) const {
+    const hn::RebindToUnsigned<D> ids;
+    return {hn::Iota(ids, input.first_candidate + static_cast<std::uint32_t>(i)), hn::Zero(ids)};
+  }
+};
+
 /// Tests one vector of pairs and writes the contacts of the first `count`. Not inlined, so that there is one copy of
 /// the kernel for all places that call it.
 template <class K, class D>
-HWY_NOINLINE PairContact* test_one(D d, const Lanes<D>& in, const KernelPair* pairs, std::size_t count,
-                                   PairContact* out) {
-  return write<K>(d, pairs, count, K::test(d, in), in.offset, out);
+HWY_NOINLINE PairContact* test_one(D d, const PairLanes<D>& pairs, std::size_t count, PairContact* out) {
+  return write<K>(d, pairs.ids, count, K::test(d, pairs.in), pairs.in.offset, out);
 }
 
 /// Tests two vectors of pairs. Most instructions of a test depend on the one before, and a processor does not look
 /// ahead as far as to the next vector, so the compiler mixes the instructions of both: CMakeLists.txt has the option.
 template <class K, class D>
-HWY_NOINLINE PairContact* test_two(D d, const Lanes<D>* in, const KernelPair* pairs, PairContact* out) {
+HWY_INLINE PairContact* test_two_inlined(D d, const PairLanes<D>* pairs, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
-  const LaneContacts<D> p = K::test(d, in[0]), q = K::test(d, in[1]);
-  out = write<K>(d, pairs, lanes, p, in[0].offset, out);
-  return write<K>(d, pairs + lanes, lanes, q, in[1].offset, out);
+  const LaneContacts<D> p = K::test(d, pairs[0].in), q = K::test(d, pairs[1].in);
+  out = write<K>(d, pairs[0].ids, lanes, p, pairs[0].in.offset, out);
+  return write<K>(d, pairs[1].ids, lanes, q, pairs[1].in.offset, out);
+}
+template <class K, class D>
+HWY_NOINLINE PairContact* test_two(D d, const PairLanes<D>* pairs, PairContact* out) {
+  return test_two_inlined<K>(d, pairs, out);
 }
 
-/// Tests full vectors of pairs.
-template <class K, class D>
-PairContact* run_full(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors, PairContact* out) {
+/// Tests the full vectors of the first `size` pairs.
+template <class K, class D, class Pairs>
+PairContact* run_full(D d, const Pairs& pairs, std::size_t size, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
-  Lanes<D> gathered[2];
-  for (; vectors >= 2; vectors -= 2, pairs += 2 * lanes) {
-    gathered[0] = gather<K>(d, input, pairs);
-    gathered[1] = gather<K>(d, input, pairs + lanes);
-    out = test_two<K>(d, gathered, pairs, out);
+  PairLanes<D> in[2];
+  std::size_t i = 0;
+  for (; i + 2 * lanes <= size; i += 2 * lanes) {
+    in[0] = pairs.template gather_from<K>(d, i);
+    in[1] = pairs.template gather_from<K>(d, i + lanes);
+    // Two spheres take so few instructions that the call would cost a tenth.
+    if constexpr (K::second == ShapeKind::sphere) {
+      out = test_two_inlined<K>(d, in, out);
+    } else {
+      out = test_two<K>(d, in, out);
+    }
   }
-  return vectors == 0 ? out : test_one<K>(d, gather<K>(d, input, pairs), pairs, lanes, out);
+  if (i + lanes > size) return out;
+  in[0] = pairs.template gather_from<K>(d, i);
+  return test_one<K>(d, in[0], lanes, out);
 }
 
 /// The same for pairs that are timed. They are gathered in larger groups, because reading the clock takes as long as
 /// gathering a vector.
-template <class K, class D>
-PairContact* run_timed(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors, PairContact* out) {
+template <class K, class D, class Pairs>
+PairContact* run_timed(D d, const Pairs& pairs, std::size_t size, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d), most = 64 / lanes;
-  Lanes<D> gathered[most];
-  while (vectors > 0) {
-    const std::size_t count = std::min(vectors, most);
-    input.gather_timer->begin();
-    for (std::size_t v = 0; v < count; ++v) gathered[v] = gather<K>(d, input, pairs + v * lanes);
-    input.gather_timer->end();
-    for (std::size_t v = 0; v + 1 < count; v += 2) out = test_two<K>(d, gathered + v, pairs + v * lanes, out);
-    if (count % 2 != 0) out = test_one<K>(d, gathered[count - 1], pairs + (count - 1) * lanes, lanes, out);
-    vectors -= count;
-    pairs += count * lanes;
+  PairLanes<D> in[most];
+  for (std::size_t i = 0; i + lanes <= size;) {
+    const std::size_t count = std::min((size - i) / lanes, most);
+    begin_gathering(pairs.input);
+    for (std::size_t v = 0; v < count; ++v) in[v] = pairs.template gather_from<K>(d, i + v * lanes);
+    end_gathering(pairs.input);
+    for (std::size_t v = 0; v + 1 < count; v += 2) out = test_two<K>(d, in + v, out);
+    if (count % 2 != 0) out = test_one<K>(d, in[count - 1], lanes, out);
+    i += count * lanes;
   }
   return out;
 }
 
-/// Tests fewer pairs than a vector holds. The lanes after the last pair repeat it and are not written.
-template <class K, class D>
-PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, std::size_t count, PairContact* out) {
-  constexpr std::size_t lanes = hn::MaxLanes(d);
-  KernelPair padded[lanes];
-  std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
-  begin_gathering(input);
-  const Lanes<D> in = gather<K>(d, input, padded);
-  end_gathering(input);
-  return test_one<K>(d, in, padded, count, out);
+/// Tests fewer pairs than a vector holds, from pair i on.
+template <class K, class D, class Pairs>
+PairContact* run_rest(D d, const Pairs& pairs, std::size_t i, std::size_t count, PairContact* out,
+                      KindCounters& counters) {
+  begin_gathering(pairs.input);
+  const PairLanes<D> in = pairs.template gather_rest<K>(d, i, count);
+  end_gathering(pairs.input);
+  counters.lanes += hn::MaxLanes(d);
+  return test_one<K>(d, in, count, out);
 }
 
 /// Tests all pairs in float: full vectors first, then the narrowest vector that holds the rest.
-template <class K>
-PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounters& counters) {
+template <class K, class Pairs>
+PairContact* run_in_float(const Pairs& pairs, PairContact* out, KindCounters& counters) {
   hn::CappedTag<float, 16> full;
   hn::CappedTag<float, 8> half;
   hn::CappedTag<float, 4> quarter;
   constexpr std::size_t lanes = hn::MaxLanes(full);
-  const std::size_t size = input.pairs.size();
-  const KernelPair* pairs = input.pairs.data();
-  const std::size_t begin = size / lanes * lanes;
-  out = input.gather_timer == nullptr ? run_full<K>(full, input, pairs, size / lanes, out)
-                                      : run_timed<K>(full, input, pairs, size / lanes, out);
-  counters.lanes += begin;
-  const std::size_t rest = size - begin;
+  const std::size_t size = pairs.size(), rest = size % lanes;
+  out =
+      pairs.input.gather_timer == nullptr ? run_full<K>(full, pairs, size, out) : run_timed<K>(full, pairs, size, out);
+  counters.lanes_filled += size;
+  counters.lanes += size - rest;
   if (rest == 0) return out;
-  if (rest > hn::MaxLanes(half)) {
-    counters.lanes += lanes;
-    return run_rest<K>(full, input, pairs + begin, rest, out);
-  }
-  if (rest > hn::MaxLanes(quarter)) {
-    counters.lanes += hn::MaxLanes(half);
-    return run_rest<K>(half, input, pairs + begin, rest, out);
-  }
-  counters.lanes += hn::MaxLanes(quarter);
-  return run_rest<K>(quarter, input, pairs + begin, rest, out);
+  if (rest > hn::MaxLanes(half)) return run_rest<K>(full, pairs, size - rest, rest, out, counters);
+  if (rest > hn::MaxLanes(quarter)) return run_rest<K>(half, pairs, size - rest, rest, out, counters);
+  return run_rest<K>(quarter, pairs, size - rest, rest, out, counters);
 }
 
 /// Columns of pairs for the kernels in double. Such pairs are rare: they are gathered and written one by one.
@@ -152,6 +211,7 @@ struct Columns {
 
 template <class K>
 PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  counters.lanes_filled += input.pairs.size();
   using D = hn::CappedTag<double, 8>;
   const D d;
   constexpr std::size_t lanes = hn::MaxLanes(d);
@@ -189,8 +249,10 @@ PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCount
 
 template <class K>
 PairContact* run(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  counters.lanes_filled += input.pairs.size();
-  return input.in_double ? run_in_double<K>(input, out, counters) : run_in_float<K>(input, out, counters);
+  if constexpr (K::first == K::second) {
+    if (!input.candidates.empty()) return run_in_float<K>(Candidates{input}, out, counters);
+  }
+  return input.in_double ? run_in_double<K>(input, out, counters) : run_in_float<K>(SortedPairs{input}, out, counters);
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -29,12 +29,17 @@ struct Lanes {
   Vector<D> first_size, second_size;  ///< as in ShapeRow::size
 };
 
+HWY_INLINE std::uint32_t first_of(const KernelPair& pair) { return pair.first; }
+HWY_INLINE std::uint32_t second_of(const KernelPair& pair) { return pair.second; }
+HWY_INLINE std::uint32_t first_of(const geometry::CandidatePair& pair) { return pair.a; }
+HWY_INLINE std::uint32_t second_of(const geometry::CandidatePair& pair) { return pair.b; }
+
 #if HWY_TARGET == HWY_SCALAR
 
 /// Gathers as many pairs as `d` has lanes: one.
-template <class K, class D>
-HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const KernelPair* pairs) {
-  const Body &p = input.bodies[pairs->first], &q = input.bodies[pairs->second];
+template <class K, class D, class Pair>
+HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const Pair* pairs) {
+  const Body &p = input.bodies[first_of(*pairs)], &q = input.bodies[second_of(*pairs)];
   const float *p_size = input.shapes.row(p.shape).size, *q_size = input.shapes.row(q.shape).size;
   const Quat &p_turn = p.pose.orientation, &q_turn = q.pose.orientation;
   const auto lane = [d](auto value) { return hn::Set(d, static_cast<float>(value)); };
@@ -90,11 +95,12 @@ struct JoinedRows {
   hn::Vec<D> offset[4], first_orientation[4], second_orientation[4], first_size[4], second_size[4];
 
   /// Everything of four lanes at a time, so that their addresses are used up before the next are computed.
-  HWY_INLINE void join(D d, const KernelInput& input, const KernelPair* pairs, std::size_t r) {
+  template <class Pair>
+  HWY_INLINE void join(D d, const KernelInput& input, const Pair* pairs, std::size_t r) {
     const Body* const bodies = input.bodies.data();
     const geometry::ShapeRow* const rows = input.shapes.rows();
-    const auto first = [=](std::size_t lane) -> const Body& { return bodies[pairs[lane].first]; };
-    const auto second = [=](std::size_t lane) -> const Body& { return bodies[pairs[lane].second]; };
+    const auto first = [=](std::size_t lane) -> const Body& { return bodies[first_of(pairs[lane])]; };
+    const auto second = [=](std::size_t lane) -> const Body& { return bodies[second_of(pairs[lane])]; };
     offset[r] = join_offsets(d, first, second, r);
     if constexpr (K::first != ShapeKind::sphere) {
       first_orientation[r] = join_rows(
@@ -126,8 +132,8 @@ HWY_INLINE Quaternion<D> quaternion_of(D d, const hn::Vec<D>* rows) {
 }
 
 /// Gathers as many pairs as `d` has lanes.
-template <class K, class D>
-HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const KernelPair* pairs) {
+template <class K, class D, class Pair>
+HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const Pair* pairs) {
   JoinedRows<K, D> rows;
   rows.join(d, input, pairs, 0);
   rows.join(d, input, pairs, 1);
