@@ -68,7 +68,7 @@ struct KeyTable {
   }
 };
 constexpr KeyTable key_table;
-static_assert(keys <= 64, "a set of keys is a word");
+static_assert(keys < 64, "a set of keys is a word");
 static_assert(key_slots <= key_order);
 
 /// How often pairs of two kinds are timed: one block out of so many pairs. For closed forms the block fills the vectors
@@ -128,7 +128,8 @@ struct NarrowPhase::Implementation {
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
   std::unique_ptr<AxisMemory> memory;  ///< null if separating axes are not cached
-  bool uniform = true;                 ///< all pairs have the same key, so that sorting is not necessary
+  bool same_kind = true;               ///< all shapes are of one kind
+  bool float_is_enough = true;         ///< no pair of shapes needs double
   base::Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
@@ -139,8 +140,9 @@ struct NarrowPhase::Implementation {
 
   void update_shape_tags();
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
-  std::uint64_t compute_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
-  void sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin, std::uint64_t set);
+  template <bool float_is_enough>
+  void compute_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
+  std::uint64_t sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   KernelInput input_of(std::span<const Body> bodies, std::size_t key) const;
   PairContact* test_key(const KernelInput& input, std::size_t key, std::size_t size, PairContact* out);
   PairContact* time_block(Kernel kernel, const KernelInput& input, std::size_t size, PairContact* out,
@@ -154,7 +156,8 @@ void NarrowPhase::Implementation::update_shape_tags() {
   for (std::size_t shape = tags.size(); shape < shapes.size(); ++shape) {
     tags.push_back(tag_of(shapes.row(static_cast<ShapeNumber>(shape))));
   }
-  uniform = ShapeTag::uniform(tags);
+  same_kind = ShapeTag::same_kind(tags);
+  float_is_enough = ShapeTag::float_is_enough(tags);
 }
 
 /// Writes the pairs to `sorted` in their given order.
@@ -163,10 +166,10 @@ void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> 
   for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
-/// Computes the key of each pair and counts in `ends` how often each key occurs. Returns the set of keys without shape
-/// bits.
-std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
-                                                        std::span<const geometry::CandidatePair> pairs) {
+/// Computes the key of each pair and counts in `ends` how often each key occurs.
+template <bool float_is_enough>
+void NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
+                                               std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
   Key* const key = pair_keys.get();
   const unsigned by_shape = pairs.size() >= min_pairs_sorted_by_shape ? ~0u : 0u;
@@ -175,19 +178,16 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
   } else {
     for (std::size_t k = 0; k < keys; ++k) ends[k << shape_bits] = 0;
   }
-  std::uint64_t set = 0;
   const auto add = [&](std::size_t i) {
     const geometry::CandidatePair pair = pairs[i];
     const ShapeNumber p = bodies[pair.a].shape, q = bodies[pair.b].shape;
     const ShapeTag a = tag[p], b = tag[q];
     const KeyTable::Entry entry = key_table.entry[a.kind() * 8 + b.kind()];
     const ShapeNumber second = (entry.key & key_flipped) != 0 ? p : q;
-    const unsigned k =
-        (entry.key | unsigned{ShapeTag::needs_double(a, b)} << shape_bits) | (second & entry.shapes & by_shape);
+    unsigned k = entry.key | (second & entry.shapes & by_shape);
+    if constexpr (!float_is_enough) k |= unsigned{ShapeTag::needs_double(a, b)} << shape_bits;
     key[i] = static_cast<Key>(k);
-    const unsigned slot = k & key_order;
-    ++ends[slot];
-    set |= std::uint64_t{1} << (slot >> shape_bits);
+    ++ends[k & key_order];
   };
   std::size_t i = 0;
   for (const std::size_t ahead = pairs.size() - std::min(prefetch_distance, pairs.size()); i < ahead; ++i) {
@@ -196,23 +196,31 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
     add(i);
   }
   for (; i < pairs.size(); ++i) add(i);
-  return set;
 }
 
-/// Counting sort of a chunk's pairs by key; `begin` is the index of the first pair.
-void NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin,
-                                       std::uint64_t set) {
+/// Counting sort of a chunk's pairs by key; `begin` is the index of the first pair. Returns the set of keys without
+/// shape bits.
+std::uint64_t NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
+  const Key* const key = pair_keys.get();
+  // With few pairs it costs less to collect their keys than to go over all.
+  std::uint64_t possible = (std::uint64_t{1} << keys) - 1, set = 0;
+  if (pairs.size() < keys) {
+    possible = 0;
+    for (std::size_t i = 0; i < pairs.size(); ++i) possible |= std::uint64_t{1} << ((key[i] & key_order) >> shape_bits);
+  }
   std::uint32_t sum = 0;
-  for_each_key(set, [&](std::size_t k) {
+  for_each_key(possible, [&](std::size_t k) {
     const bool by_shape = key_table.kinds[k].second == ShapeKind::hull && pairs.size() >= min_pairs_sorted_by_shape;
     const std::size_t from = k << shape_bits, size = by_shape ? std::size_t{1} << shape_bits : 1;
+    const std::uint32_t before = sum;
     for (std::size_t slot = from; slot < from + size; ++slot) sum += std::exchange(ends[slot], sum);
+    set |= std::uint64_t{sum != before} << k;
     key_ends[k] = sum;
   });
-  const Key* const key = pair_keys.get();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     write_ordered(pairs[i], begin + i, key[i], sorted[ends[key[i] & key_order]++]);
   }
+  return set;
 }
 
 KernelInput NarrowPhase::Implementation::input_of(std::span<const Body> bodies, std::size_t key) const {
@@ -275,7 +283,7 @@ PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const Kernel
 PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodies,
                                                      std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                                      PairContact* out) {
-  if (uniform) {
+  if (same_kind && float_is_enough) {
     const std::size_t kind = tags.front().kind();
     const std::size_t key = key_table.entry[kind * 8 + kind].key >> shape_bits;
     KernelInput input = input_of(bodies, key);
@@ -288,8 +296,12 @@ PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodie
     }
     return test_key(input, key, pairs.size(), out);
   }
-  const std::uint64_t set = compute_keys(bodies, pairs);
-  sort(pairs, begin, set);
+  if (float_is_enough) {
+    compute_keys<true>(bodies, pairs);
+  } else {
+    compute_keys<false>(bodies, pairs);
+  }
+  const std::uint64_t set = sort(pairs, begin);
   std::uint32_t from = 0;
   for_each_key(set, [&](std::size_t key) {
     KernelInput input = input_of(bodies, key);

@@ -26,13 +26,14 @@ class ShapeTag {
     word_ = static_cast<std::uint64_t>(kind) << (2 * octaves) | too_large << octaves | up_to;
   }
 
-  /// Whether all of these shapes have one kind and no pair of them needs double.
-  static bool uniform(std::span<const ShapeTag> tags) noexcept {
+  static bool same_kind(std::span<const ShapeTag> tags) noexcept {
+    return std::all_of(tags.begin(), tags.end(), [&](ShapeTag tag) { return tag.kind() == tags.front().kind(); });
+  }
+
+  /// Whether no pair of these shapes needs double.
+  static bool float_is_enough(std::span<const ShapeTag> tags) noexcept {
     std::uint64_t sizes = 0;
-    for (const ShapeTag& tag : tags) {
-      if (tag.kind() != tags.front().kind()) return false;
-      sizes |= tag.word_;
-    }
+    for (const ShapeTag& tag : tags) sizes |= tag.word_;
     return (sizes & sizes >> octaves & all) == 0;
   }
 
