@@ -50,6 +50,8 @@ void ReportReader::look() {
 // arrive a second time.
 void ReportReader::list() {
   reports_.clear();
+  // All that may be listed: how many are new at once depends on when the threads run.
+  reports_.reserve(reported_steps * state_.nodes.size());
   const bool any_lost = !state_.report().lost.empty();
   const std::size_t groups = (state_.nodes.size() + 63) / 64;
   for (const ReportedStep step :

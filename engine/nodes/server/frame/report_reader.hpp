@@ -19,7 +19,7 @@ namespace ringfence::nodes {
 /// First come the reports, then the messages that were sent before them: so look() is called before the rings are read,
 /// and accept() after. What a node reports counts like the messages that it replaces.
 ///
-/// Threads: belongs to the server role. Allocates only for more reports at once than before.
+/// Threads: belongs to the server role. Allocates only for more nodes than before.
 class ReportReader {
  public:
   ReportReader(ServerState& state, NodeResults& results, Statistics& statistics) noexcept
