@@ -14,6 +14,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <type_traits>
 
 #include "narrow_phase/kernel.hpp"
 #include "narrow_phase/simd/lane_contacts-inl.hpp"
@@ -30,55 +32,37 @@ struct PairLanes {
   LaneIds<D> ids;
 };
 
-/// The pairs of an input, as a kernel reads them.
-struct SortedPairs {
+/// The pairs of an input: KernelInput::pairs or candidates.
+template <class Pair>
+struct InputPairs {
   const KernelInput& input;
-
-  std::size_t size() const { return input.pairs.size(); }
+  std::span<const Pair> pairs;
 
   /// Gathers as many pairs as `d` has lanes, from pair i on.
   template <class K, class D>
   HWY_INLINE PairLanes<D> gather_from(D d, std::size_t i) const {
-    const KernelPair* const pairs = input.pairs.data() + i;
-    return {gather<K>(d, input, pairs), ids_of(d, pairs)};
+    return gather_at<K>(d, pairs.data() + i, i);
   }
 
-  /// The same for the pairs i to i + count - 1, fewer than `d` has lanes. The other lanes repeat the last pair.
+  /// The same for the pairs from i to the end, fewer than `d` has lanes. The other lanes repeat the last pair.
   template <class K, class D>
-  HWY_INLINE PairLanes<D> gather_rest(D d, std::size_t i, std::size_t count) const {
+  HWY_INLINE PairLanes<D> gather_rest(D d, std::size_t i) const {
     constexpr std::size_t lanes = hn::MaxLanes(D());
-    const KernelPair* const pairs = input.pairs.data() + i;
-    KernelPair padded[lanes];
-    std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
-    return {gather<K>(d, input, padded), ids_of(d, padded)};
-  }
-};
-
-/// The same for consecutive candidates.
-struct Candidates {
-  const KernelInput& input;
-
-  std::size_t size() const { return input.candidates.size(); }
-
-  template <class K, class D>
-  HWY_INLINE PairLanes<D> gather_from(D d, std::size_t i) const {
-    return {gather<K>(d, input, input.candidates.data() + i), ids_from(d, i)};
-  }
-
-  template <class K, class D>
-  HWY_INLINE PairLanes<D> gather_rest(D d, std::size_t i, std::size_t count) const {
-    constexpr std::size_t lanes = hn::MaxLanes(D());
-    const geometry::CandidatePair* const pairs = input.candidates.data() + i;
-    geometry::CandidatePair padded[lanes];
-    std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
-    return {gather<K>(d, input, padded), ids_from(d, i)};
+    Pair padded[lanes];
+    for (std::size_t lane = 0; lane < lanes; ++lane) padded[lane] = pairs[std::min(i + lane, pairs.size() - 1)];
+    return gather_at<K>(d, padded, i);
   }
 
  private:
-  template <class D>
-  HWY_INLINE LaneIds<D> ids_from(D, std::size_t i) const {
-    const hn::RebindToUnsigned<D> ids;
-    return {hn::Iota(ids, input.first_candidate + static_cast<std::uint32_t>(i)), hn::Zero(ids)};
+  template <class K, class D>
+  HWY_INLINE PairLanes<D> gather_at(D d, const Pair* at, std::size_t i) const {
+    if constexpr (std::is_same_v<Pair, KernelPair>) {
+      return {gather<K>(d, input, at), ids_of(d, at)};
+    } else {
+      const hn::RebindToUnsigned<D> ids;
+      return {gather<K>(d, input, at),
+              {hn::Iota(ids, input.first_candidate + static_cast<std::uint32_t>(i)), hn::Zero(ids)}};
+    }
   }
 };
 
@@ -103,15 +87,16 @@ HWY_NOINLINE PairContact* test_two(D d, const PairLanes<D>* pairs, PairContact* 
   return test_two_inlined<K>(d, pairs, out);
 }
 
-/// Tests the full vectors of the first `size` pairs.
-template <class K, class D, class Pairs>
-PairContact* run_full(D d, const Pairs& pairs, std::size_t size, PairContact* out) {
+/// Tests the full vectors of the list.
+template <class K, class D, class Pair>
+PairContact* run_full(D d, const InputPairs<Pair>& list, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
+  const std::size_t size = list.pairs.size();
   PairLanes<D> in[2];
   std::size_t i = 0;
   for (; i + 2 * lanes <= size; i += 2 * lanes) {
-    in[0] = pairs.template gather_from<K>(d, i);
-    in[1] = pairs.template gather_from<K>(d, i + lanes);
+    in[0] = list.template gather_from<K>(d, i);
+    in[1] = list.template gather_from<K>(d, i + lanes);
     // Two spheres take so few instructions that the call would cost a tenth.
     if constexpr (K::second == ShapeKind::sphere) {
       out = test_two_inlined<K>(d, in, out);
@@ -120,21 +105,22 @@ PairContact* run_full(D d, const Pairs& pairs, std::size_t size, PairContact* ou
     }
   }
   if (i + lanes > size) return out;
-  in[0] = pairs.template gather_from<K>(d, i);
+  in[0] = list.template gather_from<K>(d, i);
   return test_one<K>(d, in[0], lanes, out);
 }
 
 /// The same for pairs that are timed. They are gathered in larger groups, because reading the clock takes as long as
 /// gathering a vector.
-template <class K, class D, class Pairs>
-PairContact* run_timed(D d, const Pairs& pairs, std::size_t size, PairContact* out) {
+template <class K, class D, class Pair>
+PairContact* run_timed(D d, const InputPairs<Pair>& list, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d), most = 64 / lanes;
+  const std::size_t size = list.pairs.size();
   PairLanes<D> in[most];
   for (std::size_t i = 0; i + lanes <= size;) {
     const std::size_t count = std::min((size - i) / lanes, most);
-    begin_gathering(pairs.input);
-    for (std::size_t v = 0; v < count; ++v) in[v] = pairs.template gather_from<K>(d, i + v * lanes);
-    end_gathering(pairs.input);
+    begin_gathering(list.input);
+    for (std::size_t v = 0; v < count; ++v) in[v] = list.template gather_from<K>(d, i + v * lanes);
+    end_gathering(list.input);
     for (std::size_t v = 0; v + 1 < count; v += 2) out = test_two<K>(d, in + v, out);
     if (count % 2 != 0) out = test_one<K>(d, in[count - 1], lanes, out);
     i += count * lanes;
@@ -142,33 +128,30 @@ PairContact* run_timed(D d, const Pairs& pairs, std::size_t size, PairContact* o
   return out;
 }
 
-/// Tests fewer pairs than a vector holds, from pair i on.
-template <class K, class D, class Pairs>
-PairContact* run_rest(D d, const Pairs& pairs, std::size_t i, std::size_t count, PairContact* out,
-                      KindCounters& counters) {
-  begin_gathering(pairs.input);
-  const PairLanes<D> in = pairs.template gather_rest<K>(d, i, count);
-  end_gathering(pairs.input);
+/// Tests the last `count` pairs, fewer than a vector holds.
+template <class K, class D, class Pair>
+PairContact* run_rest(D d, const InputPairs<Pair>& list, std::size_t count, PairContact* out, KindCounters& counters) {
+  begin_gathering(list.input);
+  const PairLanes<D> in = list.template gather_rest<K>(d, list.pairs.size() - count);
+  end_gathering(list.input);
   counters.lanes += hn::MaxLanes(d);
   return test_one<K>(d, in, count, out);
 }
 
 /// Tests all pairs in float: full vectors first, then the narrowest vector that holds the rest.
-template <class K, class Pairs>
-PairContact* run_in_float(const Pairs& pairs, PairContact* out, KindCounters& counters) {
+template <class K, class Pair>
+PairContact* run_in_float(const InputPairs<Pair>& list, PairContact* out, KindCounters& counters) {
   hn::CappedTag<float, 16> full;
   hn::CappedTag<float, 8> half;
   hn::CappedTag<float, 4> quarter;
-  constexpr std::size_t lanes = hn::MaxLanes(full);
-  const std::size_t size = pairs.size(), rest = size % lanes;
-  out =
-      pairs.input.gather_timer == nullptr ? run_full<K>(full, pairs, size, out) : run_timed<K>(full, pairs, size, out);
+  const std::size_t size = list.pairs.size(), rest = size % hn::MaxLanes(full);
+  out = list.input.gather_timer == nullptr ? run_full<K>(full, list, out) : run_timed<K>(full, list, out);
   counters.lanes_filled += size;
   counters.lanes += size - rest;
   if (rest == 0) return out;
-  if (rest > hn::MaxLanes(half)) return run_rest<K>(full, pairs, size - rest, rest, out, counters);
-  if (rest > hn::MaxLanes(quarter)) return run_rest<K>(half, pairs, size - rest, rest, out, counters);
-  return run_rest<K>(quarter, pairs, size - rest, rest, out, counters);
+  if (rest > hn::MaxLanes(half)) return run_rest<K>(full, list, rest, out, counters);
+  if (rest > hn::MaxLanes(quarter)) return run_rest<K>(half, list, rest, out, counters);
+  return run_rest<K>(quarter, list, rest, out, counters);
 }
 
 /// Columns of pairs for the kernels in double. Such pairs are rare: they are gathered and written one by one.
@@ -250,9 +233,11 @@ PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCount
 template <class K>
 PairContact* run(const KernelInput& input, PairContact* out, KindCounters& counters) {
   if constexpr (K::first == K::second) {
-    if (!input.candidates.empty()) return run_in_float<K>(Candidates{input}, out, counters);
+    if (!input.candidates.empty())
+      return run_in_float<K>(InputPairs<geometry::CandidatePair>{input, input.candidates}, out, counters);
   }
-  return input.in_double ? run_in_double<K>(input, out, counters) : run_in_float<K>(SortedPairs{input}, out, counters);
+  return input.in_double ? run_in_double<K>(input, out, counters)
+                         : run_in_float<K>(InputPairs<KernelPair>{input, input.pairs}, out, counters);
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE
