@@ -50,7 +50,7 @@ struct KernelInput {
   geometry::ShapeView shapes;
   std::span<const KernelPair> pairs = {};
   /// True if the sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller
-  /// one (ShapeTag::needs_double in narrow_phase.cpp). The kernel then computes everything in double, also positions
+  /// one (ShapeTag::needs_double in shape_tag.hpp). The kernel then computes everything in double, also positions
   /// and quaternions, which it normalises in double. The value is the same for all pairs of an input and depends on the
   /// two shapes only.
   bool in_double = false;
@@ -84,14 +84,14 @@ inline void end_gathering(const KernelInput& input) noexcept {
 /// branch.
 inline constexpr std::size_t contact_slack = 16;
 
-/// Tests `input.pairs`, writes the contacts to `out` in the order of the pairs, and returns the end of what it wrote.
+/// Tests the pairs of `input`, writes the contacts to `out` in their order, and returns the end of what it wrote.
 ///
-/// `out` has room for `input.pairs.size() + contact_slack` contacts. A PairContact refers to the candidate's own a and
-/// b: `normal` points from a to b and `point` is relative to a's position. The kernel converts the result of a flipped
-/// pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`; the caller
-/// counts the rest. The result for a pair depends on nothing but its two shapes and poses. A kernel throws nothing,
-/// allocates nothing unless it uses libccd, and keeps no state between calls except in `input.memory`. Any thread may
-/// call it, with an `input.memory` of its own.
+/// `out` has room for `contact_slack` contacts more than there are pairs. A PairContact refers to the candidate's own a
+/// and b: `normal` points from a to b and `point` is relative to a's position. The kernel converts the result of a
+/// flipped pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`;
+/// the caller counts the rest. The result for a pair depends on nothing but its two shapes and poses. A kernel throws
+/// nothing, allocates nothing unless it uses libccd, and keeps no state between calls except in `input.memory`. Any
+/// thread may call it, with an `input.memory` of its own.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Closed forms, one pair per lane (primitives/).

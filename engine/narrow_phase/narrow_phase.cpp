@@ -140,7 +140,7 @@ struct NarrowPhase::Implementation {
 
   void update_shape_tags();
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
-  template <bool float_is_enough>
+  template <bool in_float>
   void compute_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
   std::uint64_t sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   KernelInput input_of(std::span<const Body> bodies, std::size_t key) const;
@@ -166,8 +166,9 @@ void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> 
   for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
-/// Computes the key of each pair and counts in `ends` how often each key occurs.
-template <bool float_is_enough>
+/// Computes the key of each pair and counts in `ends` how often each key occurs. `in_float`: no pair of shapes needs
+/// double.
+template <bool in_float>
 void NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
                                                std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
@@ -185,7 +186,7 @@ void NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
     const KeyTable::Entry entry = key_table.entry[a.kind() * 8 + b.kind()];
     const ShapeNumber second = (entry.key & key_flipped) != 0 ? p : q;
     unsigned k = entry.key | (second & entry.shapes & by_shape);
-    if constexpr (!float_is_enough) k |= unsigned{ShapeTag::needs_double(a, b)} << shape_bits;
+    if constexpr (!in_float) k |= unsigned{ShapeTag::needs_double(a, b)} << shape_bits;
     key[i] = static_cast<Key>(k);
     ++ends[k & key_order];
   };

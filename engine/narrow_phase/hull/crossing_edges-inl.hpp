@@ -7,7 +7,6 @@
 #define RINGFENCE_NARROW_PHASE_CROSSING_EDGES_INL
 #endif
 
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 
