@@ -232,6 +232,51 @@ TEST_CASE("a world of one kind has the contacts that its pairs have in a mixed w
   }
 }
 
+// Kernels of boxes list the pairs that may touch before they test them, but neither the last pairs of a list nor those
+// after many that touch.
+TEST_CASE("a pair of boxes has the same contact alone as after pairs that touch, or that do not, on every target") {
+  const std::uint64_t seed = 17;
+  INFO("seed ", seed);
+  for (const auto& [p, q] : {std::pair(ShapeKind::box, ShapeKind::box), std::pair(ShapeKind::box, ShapeKind::capsule),
+                             std::pair(ShapeKind::capsule, ShapeKind::box)}) {
+    INFO("kinds ", name_of(p), " and ", name_of(q));
+    PairWorld world = ordinary_pairs(p, q, 4000, seed);
+    NarrowPhase narrow_phase(world.shapes());
+    std::vector<bool> hit(world.pairs.size());
+    for (const PairContact& contact : narrow_phase.test(world.bodies, world.pairs)) {
+      hit[contact.pair] = true;
+      // Every other pair is moved until it just touches, or just does not.
+      if (contact.pair % 2 == 0) continue;
+      const float apart = contact.depth + static_cast<float>(static_cast<int>(contact.pair % 14) - 7) * 5e-8f;
+      Vec3d& position = world.bodies[world.pairs[contact.pair].b].pose.position;
+      position.x += static_cast<double>(contact.normal.x * apart);
+      position.y += static_cast<double>(contact.normal.y * apart);
+      position.z += static_cast<double>(contact.normal.z * apart);
+    }
+    std::vector<geometry::CandidatePair> pairs;
+    for (const bool touches : {true, false, true}) {
+      for (std::size_t i = 0; i < world.pairs.size(); ++i) {
+        if (hit[i] == touches) pairs.push_back(world.pairs[i]);
+      }
+    }
+    pairs.insert(pairs.end(), world.pairs.begin(), world.pairs.end());
+    for (const std::string& target : narrow_phase::targets()) {
+      INFO("target ", target);
+      const ForcedTarget forced(target);
+      std::vector<PairContact> alone;
+      for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+        for (PairContact contact : narrow_phase.test(world.bodies, {&pairs[i], 1})) {
+          contact.pair = i;
+          alone.push_back(contact);
+        }
+      }
+      CHECK(alone.size() > pairs.size() / 5);
+      CHECK(alone.size() < pairs.size() * 4 / 5);
+      CHECK(same_bits(narrow_phase.test(world.bodies, pairs), alone));
+    }
+  }
+}
+
 TEST_CASE("a world shifted by whole powers of two has the same contacts") {
   const std::uint64_t seed = 13;
   INFO("seed ", seed);

@@ -161,11 +161,11 @@ class PlacementColumns {
     using Both = Kinds<first, second>;
     for (std::size_t i = 0; i < count; i += lanes) {
       if (count - i >= lanes) {
-        place_vector<first, second>(d, gather<Both>(d, input, pairs + i), i);
+        place_vector<first, second>(d, gather<Both>(d, input, AdjacentPairs<KernelPair>{pairs + i}), i);
       } else {
         KernelPair padded[lanes];
         std::fill(std::copy(pairs + i, pairs + count, padded), padded + lanes, pairs[count - 1]);
-        place_vector<first, second>(d, gather<Both>(d, input, padded), i);
+        place_vector<first, second>(d, gather<Both>(d, input, AdjacentPairs<KernelPair>{padded}), i);
       }
     }
   }

@@ -40,7 +40,8 @@ class RoundHullBlock {
       hull_[i] = &input.shapes.hull(input.shapes.row(input.bodies[pairs_[i].second].shape).index_in_kind);
       size_[i] = hull_[i]->bounding_radius();
     }
-    for (std::size_t i = 0; i < block_pairs; i += lanes) place(gather<Kinds>(d, input, pairs_ + i), i);
+    for (std::size_t i = 0; i < block_pairs; i += lanes)
+      place(gather<Kinds>(d, input, AdjacentPairs<KernelPair>{pairs_ + i}), i);
   }
 
   PairContact* test(PairContact* out) {

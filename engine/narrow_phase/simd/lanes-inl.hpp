@@ -139,6 +139,21 @@ HWY_INLINE Vector<D> unrotate(D, const Rotation<D>& r, const Vector<D>& v) {
           r.m[0][2] * v.x + r.m[1][2] * v.y + r.m[2][2] * v.z};
 }
 
+/// The same with a unit quaternion: fewer operations than to compute its matrix first, for a single vector.
+template <class D>
+HWY_INLINE Vector<D> unrotate(D d, const Quaternion<D>& q, const Vector<D>& v) {
+  const Vector<D> axis{q.x, q.y, q.z};
+  const Vector<D> turn = cross(d, add(d, axis, axis), v);
+  return add(d, subtract(d, v, scale(d, turn, q.w)), cross(d, axis, turn));
+}
+
+/// The rotation q in the axes of p.
+template <class D>
+HWY_INLINE Quaternion<D> relative(D, const Quaternion<D>& p, const Quaternion<D>& q) {
+  return {p.w * q.x - p.x * q.w - p.y * q.z + p.z * q.y, p.w * q.y - p.y * q.w - p.z * q.x + p.x * q.z,
+          p.w * q.z - p.z * q.w - p.x * q.y + p.y * q.x, p.w * q.w + p.x * q.x + p.y * q.y + p.z * q.z};
+}
+
 /// A vector perpendicular to the unit vector `u`, of length 0.6 to 1.
 template <class D>
 HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {

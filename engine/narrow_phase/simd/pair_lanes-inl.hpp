@@ -34,12 +34,20 @@ HWY_INLINE std::uint32_t second_of(const KernelPair& pair) { return pair.second;
 HWY_INLINE std::uint32_t first_of(const geometry::CandidatePair& pair) { return pair.a; }
 HWY_INLINE std::uint32_t second_of(const geometry::CandidatePair& pair) { return pair.b; }
 
+/// The pairs of consecutive lanes lie one after the other.
+template <class Pair>
+struct AdjacentPairs {
+  const Pair* first;
+
+  HWY_INLINE const Pair& operator()(std::size_t lane) const { return first[lane]; }
+};
+
 #if HWY_TARGET == HWY_SCALAR
 
-/// Gathers as many pairs as `d` has lanes: one.
-template <class K, class D, class Pair>
-HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const Pair* pairs) {
-  const Body &p = input.bodies[first_of(*pairs)], &q = input.bodies[second_of(*pairs)];
+/// Gathers as many pairs as `d` has lanes, one: `pair_of(lane)` is the pair of a lane.
+template <class K, class D, class PairOf>
+HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const PairOf& pair_of) {
+  const Body &p = input.bodies[first_of(pair_of(0))], &q = input.bodies[second_of(pair_of(0))];
   const float *p_size = input.shapes.row(p.shape).size, *q_size = input.shapes.row(q.shape).size;
   const Quat &p_turn = p.pose.orientation, &q_turn = q.pose.orientation;
   const auto lane = [d](auto value) { return hn::Set(d, static_cast<float>(value)); };
@@ -95,12 +103,12 @@ struct JoinedRows {
   hn::Vec<D> offset[4], first_orientation[4], second_orientation[4], first_size[4], second_size[4];
 
   /// Everything of four lanes at a time, so that their addresses are used up before the next are computed.
-  template <class Pair>
-  HWY_INLINE void join(D d, const KernelInput& input, const Pair* pairs, std::size_t r) {
+  template <class PairOf>
+  HWY_INLINE void join(D d, const KernelInput& input, const PairOf& pair_of, std::size_t r) {
     const Body* const bodies = input.bodies.data();
     const geometry::ShapeRow* const rows = input.shapes.rows();
-    const auto first = [=](std::size_t lane) -> const Body& { return bodies[first_of(pairs[lane])]; };
-    const auto second = [=](std::size_t lane) -> const Body& { return bodies[second_of(pairs[lane])]; };
+    const auto first = [&](std::size_t lane) -> const Body& { return bodies[first_of(pair_of(lane))]; };
+    const auto second = [&](std::size_t lane) -> const Body& { return bodies[second_of(pair_of(lane))]; };
     offset[r] = join_offsets(d, first, second, r);
     if constexpr (K::first != ShapeKind::sphere) {
       first_orientation[r] = join_rows(
@@ -131,14 +139,14 @@ HWY_INLINE Quaternion<D> quaternion_of(D d, const hn::Vec<D>* rows) {
   return {v[0], v[1], v[2], v[3]};
 }
 
-/// Gathers as many pairs as `d` has lanes.
-template <class K, class D, class Pair>
-HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const Pair* pairs) {
+/// Gathers as many pairs as `d` has lanes: `pair_of(lane)` is the pair of a lane.
+template <class K, class D, class PairOf>
+HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const PairOf& pair_of) {
   JoinedRows<K, D> rows;
-  rows.join(d, input, pairs, 0);
-  rows.join(d, input, pairs, 1);
-  rows.join(d, input, pairs, 2);
-  rows.join(d, input, pairs, 3);
+  rows.join(d, input, pair_of, 0);
+  rows.join(d, input, pair_of, 1);
+  rows.join(d, input, pair_of, 2);
+  rows.join(d, input, pair_of, 3);
   Lanes<D> out;
   out.offset = vector_of(d, rows.offset);
   if constexpr (K::first != ShapeKind::sphere) out.first_orientation = quaternion_of(d, rows.first_orientation);
