@@ -45,8 +45,8 @@ struct NodeCost {
 /// the change pays off: its savings on the busiest node within the horizon must exceed the cost of the hand-overs and
 /// of sending all nodes the contents of their regions again.
 ///
-/// Threads: belongs to the server role. The map affects cost only, never contacts. Memory: about 80 bytes a cell, 24 a
-/// weight.
+/// Threads: one at a time, but add_frame() may be called while another thread is in refine() or propose(). The map
+/// affects cost only, never contacts. Memory: about 80 bytes a cell, 24 a weight.
 class Balance {
  public:
   /// Reserves memory for `weights` weights. More may be added, at the cost of an allocation.
@@ -54,6 +54,8 @@ class Balance {
 
   /// Adds the costs of one frame, of all nodes, by ascending node. Other nodes than before start a new window.
   void add_frame(std::span<const NodeCost> costs);
+  /// Forgets the costs of the window so far, which were measured under another map.
+  void begin_window() noexcept { frames_ = 0, costs_.clear(); }
   /// Whether the window is complete, the minimum interval has passed and the imbalance exceeds the tolerance. Then call
   /// begin_weights(), add all weights, and call refine() and propose().
   bool needs_new_map() const noexcept;
@@ -61,8 +63,7 @@ class Balance {
   double imbalance() const noexcept;
 
   /// Starts a new set of weights and saves the current costs as their reference. needs_new_map() returns false for the
-  /// next `min_interval` frames. The map may change before propose(). Call propose() within one window: otherwise the
-  /// next comparison uses costs that were measured before this map was in use.
+  /// next `min_interval` frames. The map may change before propose().
   void begin_weights();
   /// Adds the weight of an object at a fixed-point position. All objects come before the contacts.
   void add_object_weight(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/prefetch.hpp"
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -13,9 +15,20 @@ namespace {
 // the map.
 constexpr double ms_per_pair = 0.00025;
 
-// Size of a slice: about 0.1 ms of weighing; larger worlds, whose frames take longer, need no more frames for it.
+// Size of a slice: about 0.1 ms of weighing. Larger worlds, whose frames take longer, need no more frames for it. With
+// more nodes, which test for a shorter time, slices are smaller.
 constexpr std::size_t min_slice = 8192;
-constexpr std::size_t slices_per_map = 8;
+constexpr std::size_t min_slices = 8;
+constexpr std::size_t nodes_per_slice = 16;
+
+// Frames from the last slice to the new map. To compute it takes as long as a quarter of the nodes' work in a frame, so
+// with more nodes it takes more frames, until the frames get no shorter.
+constexpr std::size_t min_frames = 2;
+constexpr std::size_t max_more_frames = 32;
+constexpr std::size_t nodes_per_frame = 4;
+
+// Objects or contacts that are prefetched before they are weighed.
+constexpr std::size_t prefetch_distance = 8;
 
 }  // namespace
 
@@ -23,7 +36,8 @@ MapScheduler::MapScheduler(ServerState& state, const ServerExchange& exchange, O
     : state_(state),
       exchange_(exchange),
       states_(states),
-      balance_(state.map.grid(), {}, state.setup.capacities.objects + state.setup.capacities.contacts) {}
+      balance_(state.map.grid(), {}, state.setup.capacities.objects + state.setup.capacities.contacts),
+      planner_(balance_, state.map.grid()) {}
 
 double MapScheduler::cost_of(const ServerSetup& setup, const NodeReport& node) noexcept {
   return setup.balance_by == BalanceBy::pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms;
@@ -59,6 +73,7 @@ void MapScheduler::change_map() {
     return;
   }
   if (std::exchange(partition_due_, false)) {
+    cancel();
     begin_weights();
     weigh(~std::size_t{0});
     const auto table = partition();
@@ -76,6 +91,7 @@ void MapScheduler::change_map() {
 
 void MapScheduler::adopt(std::span<const std::uint32_t> table) {
   state_.map.assign(table, static_cast<std::uint32_t>(state_.nodes.size()), state_.map.epoch() + 1);
+  balance_.begin_window();
   state_.map_change.at_end = true;
   state_.map_change.hosts_exchange_objects = state_.hosts_send_ghosts();
   if (state_.map_change.hosts_exchange_objects) {
@@ -101,30 +117,33 @@ bool MapScheduler::plan() {
     return false;
   }
   if (!is_for_current_map()) {
-    plan_ = {};
+    cancel();
     return false;
   }
-  switch (plan_.pass) {
-    case Pass::weighing: {
-      const std::size_t all = state_.objects.slots() + state_.ledger.contacts(state_.frame - 1).size();
-      plan_.pass = weigh(std::max(min_slice, all / slices_per_map)) ? Pass::refining : Pass::weighing;
-      break;
+  if (plan_.pass == Pass::weighing) {
+    if (weigh(slice())) {
+      state_.list_remaining_nodes(remaining_);
+      planner_.start({state_.map, remaining_, state_.hosts_send_ghosts() ? 0 : state_.objects.live()});
+      plan_.pass = Pass::computing;
+      plan_.frames_left = min_frames + std::min(plan_.slots / nodes_per_frame, max_more_frames);
     }
-    case Pass::refining:
-      state_.list_remaining_nodes(remaining_);
-      balance_.refine(state_.map, static_cast<std::uint32_t>(remaining_.size()));
-      plan_.pass = Pass::sharing;
-      break;
-    case Pass::sharing:
-      state_.list_remaining_nodes(remaining_);
-      plan_.table = balance_.propose(state_.map, remaining_, state_.hosts_send_ghosts() ? 0 : state_.objects.live());
-      plan_.pass = plan_.table.empty() ? Pass::none : Pass::planned;
-      break;
-    case Pass::none:
-    case Pass::planned:
-      break;
+  } else if (--plan_.frames_left == 0) {
+    plan_.table = planner_.take();
+    plan_.pass = plan_.table.empty() ? Pass::none : Pass::planned;
   }
   return true;
+}
+
+void MapScheduler::cancel() {
+  if (planner_.is_started()) {
+    planner_.take();
+  }
+  plan_ = {};
+}
+
+std::size_t MapScheduler::slice() const noexcept {
+  const std::size_t all = state_.objects.slots() + state_.ledger.contacts(state_.frame - 1).size();
+  return std::max(min_slice, all / std::max(min_slices, plan_.slots / nodes_per_slice));
 }
 
 bool MapScheduler::is_for_current_map() const noexcept {
@@ -178,6 +197,7 @@ std::size_t MapScheduler::weigh_part(std::size_t part, std::size_t first, std::s
     }
     const Host& host = ServerExchange::host_of(state_.nodes[part]);
     for (std::size_t i = first; i < end; ++i) {
+      base::prefetch_object(host[std::min(i + prefetch_distance, end - 1)]);
       if ((host[i].object.flags & messages::flag_present) != 0) {
         add_object_weight(host[i].pose.position);
       }
@@ -197,6 +217,7 @@ std::size_t MapScheduler::weigh_part(std::size_t part, std::size_t first, std::s
   }
   const auto contacts = state_.ledger.contacts(state_.frame - 1);
   for (std::size_t i = first; i < end; ++i) {
+    base::prefetch_for_read(&contacts[std::min(i + prefetch_distance, end - 1)].point);
     state_.setup.space->point(contacts[i].point, point);
     balance_.add_contact_weight(point);
   }

@@ -91,6 +91,57 @@ TEST_CASE("the regions follow the load, whether the nodes share memory or not") 
   }
 }
 
+/// Lets the nodes of a crowd in the region of node 0 cost unequally for `frames` frames, or until the map changes.
+/// Returns the number of frames.
+int plan_frames(Scheduler& test, int frames) {
+  const std::uint32_t epoch = test.state().map.epoch();
+  for (int frame = 0; frame < frames; ++frame) {
+    for (PeerSession& node : test.state().nodes) node.cost_ms = node.self.number() == 0 ? 10 : 1;
+    test.scheduler.plan();
+    test.scheduler.change_map();
+    if (test.state().map.epoch() != epoch) return frame + 1;
+  }
+  return frames;
+}
+
+TEST_CASE("a new map is adopted a fixed number of frames after the costs differ, however long it takes to compute") {
+  int first = 0;
+  for (int round = 0; round < 3; ++round) {
+    Scheduler test({.nodes = 2, .placement = Placement::region});
+    for (int i = 0; i < 16; ++i) test.fixture.add({1.5 + i, 1.5 + i, 4}, Endpoint::node(0));
+    const int frames = plan_frames(test, 100);
+    CHECK(frames < 100);
+    if (round == 0) first = frames;
+    CHECK(frames == first);
+    // The costs of a new map are summed over a window of their own.
+    CHECK(plan_frames(test, 16) == 16);
+  }
+}
+
+TEST_CASE("a plan ends when nodes leave or are lost meanwhile, at any of its frames") {
+  for (int frame = 32; frame < 40; ++frame) {
+    CAPTURE(frame);
+    for (const bool leaves : {false, true}) {
+      Scheduler test({.nodes = 3, .placement = Placement::region});
+      for (int i = 0; i < 16; ++i) test.fixture.add({1.5 + i, 1.5 + i, 4}, Endpoint::node(0));
+      plan_frames(test, frame);
+      const std::uint32_t epoch = test.state().map.epoch();
+      if (leaves) {
+        test.state().nodes[2].leaving = true;
+        test.scheduler.request_partition();
+        test.scheduler.change_map();
+        CHECK(!test.owns(2));
+      } else {
+        const regions::RegionMap map(test.state().map.grid(), 2);
+        test.state().map.assign(map.table(), 3, epoch + 1);  // as a cut does
+      }
+      CHECK(test.state().map.epoch() == epoch + 1);
+      plan_frames(test, 1);
+      CHECK(test.state().map.epoch() == epoch + 1);
+    }
+  }
+}
+
 TEST_CASE("the map stays while the nodes cost the same, and while the cost of one is not known") {
   Scheduler test({.nodes = 2});
   test.fixture.add({1, 1, 1}, Endpoint::node(0));
