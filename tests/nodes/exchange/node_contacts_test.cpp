@@ -7,6 +7,8 @@
 
 #include <doctest/doctest.h>
 
+#include "nodes/exchange/node_contact_order.hpp"
+
 namespace ringfence::nodes {
 namespace {
 
@@ -97,6 +99,45 @@ TEST_CASE("after contacts are unlisted a node's lists are those of a node that d
       unlisted += positions.size();
     }
     REQUIRE(unlisted > 100);
+  }
+}
+
+TEST_CASE("contacts of any number of nodes are put in order, equal keys in the order of the nodes") {
+  std::mt19937_64 random(8);
+  NodeContactOrder order;
+  for (int round = 0; round < 300; ++round) {
+    CAPTURE(round);
+    struct Entry {
+      std::uint64_t key;
+      NodeNumber node;
+      std::uint32_t position;
+      bool operator<(const Entry& other) const { return key < other.key; }
+    };
+    std::vector<Entry> expected;
+    order.start({});
+    const std::uint64_t numbers = 1 + random() % 40;
+    const std::uint64_t lists = random() % 6;
+    for (NodeNumber node = 0; node < lists; ++node) {
+      std::set<std::uint64_t> keys;
+      for (std::size_t i = random() % 200; i > 0; --i) {
+        keys.insert(base::PairSort::key(static_cast<ObjectNumber>(1 + random() % numbers),
+                                        static_cast<ObjectNumber>(1 + random() % numbers)));
+      }
+      std::uint32_t position = 0;
+      for (const std::uint64_t key : keys) {
+        order.add(node, position, key);
+        expected.push_back({key, node, position++});
+      }
+    }
+    order.sort();
+    std::stable_sort(expected.begin(), expected.end());
+    REQUIRE(order.size() == expected.size());
+    std::size_t different = 0;
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      different += order.key(i) != expected[i].key || order.node(i) != expected[i].node ||
+                   order.position(i) != expected[i].position;
+    }
+    CHECK(different == 0);
   }
 }
 
