@@ -237,8 +237,12 @@ TEST_CASE("a world of one kind has the contacts that its pairs have in a mixed w
 TEST_CASE("a pair of boxes has the same contact alone as after pairs that touch, or that do not, on every target") {
   const std::uint64_t seed = 17;
   INFO("seed ", seed);
-  for (const auto& [p, q] : {std::pair(ShapeKind::box, ShapeKind::box), std::pair(ShapeKind::box, ShapeKind::capsule),
-                             std::pair(ShapeKind::capsule, ShapeKind::box)}) {
+  struct Kinds {
+    ShapeKind first, second;
+  };
+  for (const Kinds both : {Kinds{ShapeKind::box, ShapeKind::box}, Kinds{ShapeKind::box, ShapeKind::capsule},
+                           Kinds{ShapeKind::capsule, ShapeKind::box}}) {
+    const ShapeKind p = both.first, q = both.second;
     INFO("kinds ", name_of(p), " and ", name_of(q));
     PairWorld world = ordinary_pairs(p, q, 4000, seed);
     NarrowPhase narrow_phase(world.shapes());
