@@ -161,7 +161,8 @@ struct WorldConfig {
   /// unlisted contact is no contact of that frame for everyone: World, users, motion models, saves. So it may begin and
   /// end while the two objects keep touching. FrameReport::unlisted counts them.
   std::uint32_t deepest_contacts = 0;
-  /// Whether regions follow the load: the map changes at the end of a frame when the nodes' costs are unequal.
+  /// Whether regions follow the load: the map changes at the end of a frame when the nodes' costs are unequal. With
+  /// two nodes or more, the first plan of a map starts one more thread, which computes maps and otherwise sleeps.
   bool balance = true;
   BalanceBy balance_by = BalanceBy::cpu_time;
   /// Whether each thread of the World is pinned to a hardware thread. If there are too few, threads share them.

@@ -36,6 +36,13 @@ HWY_INLINE void try_face_axis(D d, hn::Vec<D> overlap, const Vector<D>& normal, 
   best.normal = choose(d, less, normal, best.normal);
 }
 
+/// The margin of a filter by face axes for shapes of this size, metres: above the rounding errors of the overlap, which
+/// is computed in another way than in the test.
+template <class D>
+HWY_INLINE hn::Vec<D> filter_margin(D d, hn::Vec<D> size) {
+  return hn::Set(d, Scalar<D>(1e-5)) * size;
+}
+
 template <class D>
 HWY_INLINE Vector<D> unit(D d, int i) {
   const auto zero = hn::Zero(d), one = hn::Set(d, Scalar<D>{1});

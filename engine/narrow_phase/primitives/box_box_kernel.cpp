@@ -23,15 +23,14 @@ struct BoxBox {
     const Rotation<D> turn = rotation(d, relative(d, in.first_orientation, in.second_orientation));
     const Frame<D> boxes{in.first_size,   in.second_size,  unrotate(d, in.first_orientation, in.offset),
                          column(turn, 0), column(turn, 1), column(turn, 2)};
-    const auto rounding = hn::Set(d, Scalar<D>(1e-5)) * size_of(boxes);
-    return hn::Not(face_axis(d, boxes).overlap + rounding < hn::Zero(d));
+    return hn::Not(face_axis(d, boxes).overlap + filter_margin(d, size_of(boxes)) < hn::Zero(d));
   }
 
   template <class D>
   static HWY_INLINE LaneContacts<D> test(D d, const Lanes<D>& in) {
     const auto zero = hn::Zero(d);
     const Rotation<D> a = rotation(d, in.first_orientation);
-    const Frame<D> boxes = frame(d, in, a);
+    const Frame<D> boxes = frame_of(d, in, a);
     const auto& [p, q, t, u, v, w] = boxes;
     const FaceAxis<D> face = face_axis(d, boxes);
 
@@ -62,7 +61,7 @@ struct BoxBox {
 
   /// `a` is the rotation of the first box.
   template <class D>
-  static HWY_INLINE Frame<D> frame(D d, const Lanes<D>& in, const Rotation<D>& a) {
+  static HWY_INLINE Frame<D> frame_of(D d, const Lanes<D>& in, const Rotation<D>& a) {
     const Rotation<D> b = rotation(d, in.second_orientation);
     return {in.first_size,
             in.second_size,

@@ -23,8 +23,8 @@ struct BoxCapsule {
   template <class D>
   static HWY_INLINE hn::Mask<D> may_touch(D d, const Lanes<D>& in) {
     const Frame<D> frame = frame_of(d, in, rotation(d, in.first_orientation));
-    const auto rounding = hn::Set(d, Scalar<D>(1e-5)) * (size_of(frame) + frame.radius);
-    return hn::Not(face_axis(d, frame).overlap + frame.radius + rounding < hn::Zero(d));
+    const auto margin = filter_margin(d, size_of(frame) + frame.radius);
+    return hn::Not(face_axis(d, frame).overlap + frame.radius + margin < hn::Zero(d));
   }
 
   template <class D>

@@ -135,10 +135,11 @@ HWY_INLINE hn::Mask<D> search_common_points(D d, const Features<D, axes>& featur
   return open;
 }
 
-/// `rounding`: flat except for rounding. `misled`: as far from flat as a slightly worse axis can be. This is the margin
-/// of face axes divided by the distance at which it matters, so the depth there is only slightly less.
+/// Flat except for rounding.
 template <class D>
 inline constexpr Flatness<D> rounding_flatness{Scalar<D>(5e-5), Scalar<D>(1e-4)};
+/// As far from flat as a slightly worse axis can be: the margin of face axes divided by the distance at which it
+/// matters, so the depth there is only slightly less.
 template <class D>
 inline constexpr Flatness<D> misled_flatness{Scalar<D>(4e-2), Scalar<D>(5e-2)};
 

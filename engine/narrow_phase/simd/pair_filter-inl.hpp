@@ -47,7 +47,8 @@ template <class K, class Pair>
 PairContact* run_filtered(const InputPairs<Pair>& pairs, PairContact* out) {
   using D = hn::CappedTag<float, 16>;
   constexpr std::size_t lanes = hn::MaxLanes(D()), two = 2 * lanes, block = 256;
-  std::uint32_t near[block + 2 * two];
+  std::uint32_t
+      near[block + 2 * two];  // the rest of the block before, fewer than `two`; a block; what is written past it
   std::uint32_t* end = near;
   std::size_t i = 0;
   bool filter = true;
@@ -64,7 +65,8 @@ PairContact* run_filtered(const InputPairs<Pair>& pairs, PairContact* out) {
     const std::size_t ready = static_cast<std::size_t>(end - near) / two * two;
     out = run_all<K>(ListedPairs<Pair>{pairs, {near, ready}}, out);
     end = std::copy(near + ready, end, near);
-    // The filter takes two fifths of the time of the test, so it is used while more pairs than that do not touch.
+    // The filter takes two fifths of the time of the test, so it is used while more than two fifths of the pairs do not
+    // touch.
     filter = static_cast<std::size_t>(out - before) * 5 < block * 3;
   }
   // The last pairs do not fill two vectors.

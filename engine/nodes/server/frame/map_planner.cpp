@@ -6,9 +6,6 @@
 
 namespace ringfence::nodes {
 
-MapPlanner::MapPlanner(regions::Balance& balance, const regions::CellGrid& grid)
-    : balance_(balance), order_{regions::RegionMap(grid, 1), {}, 0} {}
-
 MapPlanner::~MapPlanner() {
   if (!thread_.joinable()) {
     return;
@@ -20,8 +17,7 @@ MapPlanner::~MapPlanner() {
 }
 
 void MapPlanner::start(Order order) {
-  assert(!started_);
-  started_ = true;
+  assert(!is_started());
   order_ = std::move(order);
   if (!thread_.joinable()) {
     try {
@@ -35,9 +31,9 @@ void MapPlanner::start(Order order) {
 }
 
 std::span<const std::uint32_t> MapPlanner::take() {
-  assert(started_);
+  assert(is_started());
   state_.wait(ordered, std::memory_order_acquire);
-  started_ = false;
+  order_.reset();
   if (failure_ != nullptr) {
     std::rethrow_exception(std::exchange(failure_, nullptr));
   }
@@ -59,8 +55,8 @@ void MapPlanner::run() {
 void MapPlanner::compute() noexcept {
   table_ = {};
   try {
-    balance_.refine(order_.map, static_cast<std::uint32_t>(order_.nodes.size()));
-    table_ = balance_.propose(order_.map, order_.nodes, order_.resent);
+    balance_.refine(order_->map, static_cast<std::uint32_t>(order_->nodes.size()));
+    table_ = balance_.propose(order_->map, order_->nodes, order_->resent);
   } catch (...) {
     failure_ = std::current_exception();
   }

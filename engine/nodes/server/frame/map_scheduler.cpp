@@ -21,8 +21,8 @@ constexpr std::size_t min_slice = 8192;
 constexpr std::size_t min_slices = 8;
 constexpr std::size_t nodes_per_slice = 16;
 
-// Frames from the last slice to the new map. To compute it takes as long as a quarter of the nodes' work in a frame, so
-// with more nodes it takes more frames, until the frames get no shorter.
+// Frames from the last slice to the new map. To compute it takes about a quarter of the time that one node would need
+// for a frame, so with more nodes it takes more frames, until the frames get no shorter.
 constexpr std::size_t min_frames = 2;
 constexpr std::size_t max_more_frames = 32;
 constexpr std::size_t nodes_per_frame = 4;
@@ -36,8 +36,7 @@ MapScheduler::MapScheduler(ServerState& state, const ServerExchange& exchange, O
     : state_(state),
       exchange_(exchange),
       states_(states),
-      balance_(state.map.grid(), {}, state.setup.capacities.objects + state.setup.capacities.contacts),
-      planner_(balance_, state.map.grid()) {}
+      balance_(state.map.grid(), {}, state.setup.capacities.objects + state.setup.capacities.contacts) {}
 
 double MapScheduler::cost_of(const ServerSetup& setup, const NodeReport& node) noexcept {
   return setup.balance_by == BalanceBy::pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms;

@@ -69,7 +69,7 @@ class MapScheduler {
   const ServerExchange& exchange_;
   ObjectStates& states_;
   regions::Balance balance_;
-  MapPlanner planner_;
+  MapPlanner planner_{balance_};
   std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   Plan plan_;
   bool partition_due_ = false;

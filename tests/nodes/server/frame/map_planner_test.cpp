@@ -48,7 +48,7 @@ std::vector<NodeNumber> all_nodes() {
 
 TEST_CASE("the planner computes the map that the balance proposes, while costs are added") {
   regions::Balance direct(grid, {}, 0), balance(grid, {}, 0);
-  MapPlanner planner(balance, grid);
+  MapPlanner planner(balance);
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     CAPTURE(seed);
     const regions::RegionMap map(grid, node_count);
@@ -72,7 +72,7 @@ TEST_CASE("the planner computes the map that the balance proposes, while costs a
 
 TEST_CASE("the planner returns no map if none pays off") {
   regions::Balance balance(grid, {}, 0);
-  MapPlanner planner(balance, grid);
+  MapPlanner planner(balance);
   const regions::RegionMap map(grid, node_count);
   Crowd(1).weigh(balance, map);
   planner.start({map, all_nodes(), 1'000'000'000});
@@ -84,7 +84,7 @@ TEST_CASE("a planner may be destroyed before a map was ordered, while it compute
   for (int round = 0; round < 20; ++round) {
     regions::Balance balance(grid, {}, 0);
     Crowd(1).weigh(balance, map);
-    MapPlanner planner(balance, grid);
+    MapPlanner planner(balance);
     if (round % 3 > 0) planner.start({map, all_nodes(), 0});
     if (round % 3 > 1) planner.take();
   }
