@@ -54,7 +54,7 @@ struct RowGrid {
   base::Buffer<std::uint32_t> layer_bits;  ///< by sorted position, one bit set; followed by one vector width of padding
   base::Buffer<std::uint32_t> cell_end;    ///< [1 + key] is one past the last position of the key; [0] is 0
 
-  static constexpr std::uint32_t chunk = 256;
+  static constexpr std::uint32_t chunk = 512;
   base::Buffer<std::uint32_t> next_chunk;   ///< by chunk: the next chunk of the same bucket
   base::Buffer<std::uint32_t> first_chunk;  ///< by bucket
   base::Buffer<std::uint32_t> cursor;       ///< by bucket: position of its next box

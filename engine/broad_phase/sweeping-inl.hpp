@@ -158,7 +158,7 @@ void sweep_where(const RowGrid& grid, std::uint32_t first, std::uint32_t last, P
         ahead = row + x_mask;
       }
       const SearchKey search_key{swap_halves(code), colliding_layers<layered>(grid, i)};
-      found = scan<layered, short_step>(columns, search_key, {i, i + 1, cell_end[ahead]}, hits, found);
+      found = scan<layered>(columns, search_key, {i, i + 1, cell_end[ahead]}, hits, found);
       crossing[crossings] = i;
       crossings += (code & std::uint64_t{next_row | next_slab} << 24) != 0;
       test_if_full();
