@@ -331,7 +331,7 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       const auto known = harness.host(to.number()).contacts().received(harness.last());
       REQUIRE(notified.empty());
       notified.assign(known.begin(), known.end());
-      taken += node_contacts.taken;
+      taken += node_contacts.report.taken;
     }
     for (std::size_t i = 0; hosting_node && i < found.size(); ++i) {
       const auto number = [&](std::uint32_t slot) { return harness.table().row(slot).object.number; };

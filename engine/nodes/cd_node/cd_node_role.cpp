@@ -170,7 +170,7 @@ bool CdNodeRole::follow(FrameControl::Announced announced) {
     any = true;
   }
   if (announced.step() == frame_end && state_.stage == CdNodeStage::ending && !state_.received.frame_end) {
-    end_frame();
+    end_frame(state_.contacts.end);
     any = true;
   }
   return any;
@@ -180,7 +180,6 @@ void CdNodeRole::begin(std::uint64_t frame) {
   state_.begin(frame);
   detector_.begin();
   migration_.begin();
-  end_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
   mover_.begin();
   state_.stage = CdNodeStage::moving;
@@ -190,6 +189,7 @@ void CdNodeRole::detect() {
   detector_.test_all();
   telemetry::SpanTimer time(state_.setup.track, "narrow phase", state_.stats.narrow_phase_ns);
   detector_.finish();
+  exchange_->list_kinds(detector_.kinds());
   publisher_.list();
   migration_.list();
 }
@@ -288,17 +288,16 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::probe:
       return probe_reply_run_.start(0);
     case MessageType::frame_end:
-      end_ = message.record<messages::FrameEndRecord>(0);
-      return state_.shares_memory() ? void() : end_frame();
+      return end_frame(message.record<messages::FrameEndRecord>(0));
     default:
       state_.host.apply(message);
   }
 }
 
-void CdNodeRole::end_frame() {
-  migration_.expect(end_.hand_overs);
-  exchange_->expect_contacts(end_.contacts);
-  if (end_.hosts_exchange_objects != 0) {
+void CdNodeRole::end_frame(const messages::FrameEndRecord& end) {
+  migration_.expect(end.hand_overs);
+  exchange_->expect_contacts(end.contacts);
+  if (end.hosts_exchange_objects != 0) {
     state_.host.list_all(true);
   }
   state_.received.frame_end = true;
@@ -355,7 +354,7 @@ bool CdNodeRole::report_done() {
   const TrafficReport& m5 = state_.traffic[static_cast<std::size_t>(Traffic::m5)];
   stats.m5_messages = m5.messages;
   stats.m5_bytes = m5.bytes;
-  if (!exchange_->report_done(detector_.kinds(), stats)) {
+  if (!exchange_->report_done(stats)) {
     return false;
   }
   state_.stats = stats;

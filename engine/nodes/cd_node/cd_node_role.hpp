@@ -73,7 +73,7 @@ class CdNodeRole {
   PeerInbox::Verdict judge(const messages::MessageView& message) noexcept;
   void receive_from_peer(const messages::MessageView& message);
   void receive(const messages::MessageView& message);
-  void end_frame();
+  void end_frame(const messages::FrameEndRecord& end);
   void settle();
   void begin(std::uint64_t frame);
   void lose(const messages::LostRecord& record);
@@ -96,7 +96,6 @@ class CdNodeRole {
   PeerInbox inbox_;
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_;
-  messages::FrameEndRecord end_;  ///< of the frame; all 0 if no message says otherwise
   bool awaits_map_ = false;  ///< a peer is lost, and the map under which the frame is detected again has not arrived
   std::uint64_t invalid_messages_ = 0;
   std::uint64_t frames_ = 0;

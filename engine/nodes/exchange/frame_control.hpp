@@ -29,7 +29,7 @@ enum class ReportedStep : std::uint8_t {
   none,
   moved,      ///< no `node_state` follows
   published,  ///< the publication of what the node hosts can be read
-  tested,     ///< StepReport::totals is valid, and the contacts can be read
+  tested,     ///< StepReport::totals and kinds are valid, and the contacts can be read
   done        ///< the rest of StepReport is valid
 };
 inline constexpr std::size_t reported_steps = 4;
@@ -43,6 +43,9 @@ struct alignas(link::cache_line_pair_bytes) StepReport {
   /// connected a fallback node.
   std::atomic<bool> dismissed{false};
   messages::NodeFrameStats stats;
+  std::uint64_t ghosts = 0;      ///< number of ghost updates that the node gave to others
+  std::uint64_t taken = 0;       ///< number of contacts that it read from others
+  std::uint64_t duplicates = 0;  ///< contacts of its slice of the output whose pair was already written
   std::span<const messages::KindRecord> kinds;
 };
 

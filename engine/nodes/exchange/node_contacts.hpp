@@ -116,8 +116,9 @@ struct NodeContacts {
   // Written by the server. On its own cache lines: other nodes read the fields above while this node writes here.
   alignas(64) const OutputMerge* output_merge = nullptr;  ///< the output lists of which the node writes a slice
   std::uint32_t share = 0;                                ///< number of the slice
-  ReadGate gate;            ///< for the contacts of other nodes; opened before `frame_end`
-  ReadGate hand_over_gate;  ///< for the hand-overs of other nodes; opened before `frame_end`
+  ReadGate gate;                 ///< for the contacts of other nodes; opened before `frame_end`
+  ReadGate hand_over_gate;       ///< for the hand-overs of other nodes; opened before `frame_end`
+  messages::FrameEndRecord end;  ///< what the announcement of `frame_end` says to the node
 
   NodeQueries queries;  ///< see NodeQueries for its rules
   /// The frame before, for the models of this node; null: there is none, or the node hosts nothing. Within a process
@@ -130,10 +131,6 @@ struct NodeContacts {
   SenderSet contact_senders, hand_over_senders;
   /// Of the node's thread, which other nodes ring after hand-overs that it waits for; null: no thread sleeps. Set once.
   link::Doorbell* bell = nullptr;
-
-  // Written by the node before it reports `done`.
-  alignas(64) std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
-  std::uint64_t taken = 0;                   ///< contacts read from the other nodes
 
   StepReport report;  ///< see StepReport for its rules
 

@@ -134,10 +134,12 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.send_to_nodes([&](PeerSession& node) {
-            return exchange_->send_queries(node) && exchange_->send_sensed(node) && cut_.open(node) &&
-                   (state_.wakes_together() || Statistics::note_reached(node.started));
-          })) {
+      if (!state_.send_to_nodes([&](const PeerSession& node) { return cut_.has_opening(node); },
+                                [&](PeerSession& node) {
+                                  return exchange_->send_queries(node) && exchange_->send_sensed(node) &&
+                                         cut_.open(node) &&
+                                         (state_.wakes_together() || Statistics::note_reached(node.started));
+                                })) {
         return false;
       }
       exchange_->announce(AnnouncedStep::frame_begin, &PeerSession::started);
@@ -167,6 +169,7 @@ bool ServerRole::advance_stage() {
       return true;
     case FrameStage::dispatching:
       if (!state_.send_to_nodes(
+              [&](const PeerSession& node) { return dispatch_.has_updates(node); },
               [&](PeerSession& node) { return exchange_->send_ghosts(node) && dispatch_.send_updates(node); })) {
         return false;
       }
@@ -213,9 +216,11 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::notifying;
       return true;
     case FrameStage::notifying:
-      if (!state_.send_to_nodes([&](PeerSession& node) {
-            return router_.notify(node) && (state_.wakes_together() || Statistics::note_reached(node.notified));
-          })) {
+      if (!state_.send_to_nodes([&](const PeerSession& node) { return router_.has_notice(node); },
+                                [&](PeerSession& node) {
+                                  return router_.notify(node) &&
+                                         (state_.wakes_together() || Statistics::note_reached(node.notified));
+                                })) {
         return false;
       }
       exchange_->announce(AnnouncedStep::frame_end, &PeerSession::notified);
@@ -228,6 +233,9 @@ bool ServerRole::advance_stage() {
       // Users before nodes, since nodes need longer to end.
       if (router_.notify_users()) {
         statistics_.charge_cpu(&PathReport::notify_users_ms);
+        if (router_.users_are_notified()) {
+          node_ingest_.count_kinds();
+        }
       }
       if (!state_.users_are_done()) {
         return false;

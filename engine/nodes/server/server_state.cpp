@@ -1,6 +1,7 @@
 #include "nodes/server/server_state.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace ringfence::nodes {
 
@@ -88,11 +89,13 @@ void ServerState::note_host_change(std::uint32_t slot) {
 
 PeerSession::Opening* ServerState::opening_of(Endpoint peer) {
   PeerSession* const session = session_of(peer);
-  if (session != nullptr && peer.is_user() && !session->changes) {
-    session->changes = true;
+  if (session == nullptr) {
+    return nullptr;
+  }
+  if (!std::exchange(session->changes, true) && peer.is_user()) {
     user_connections[session->user_connection].changed.push_back(peer.number());
   }
-  return session == nullptr ? nullptr : &session->opening;
+  return &session->opening;
 }
 
 }  // namespace ringfence::nodes

@@ -193,24 +193,27 @@ struct ServerState {
     }
     return endpoint.is_user() && users[endpoint.number()].connected ? &users[endpoint.number()] : nullptr;
   }
-  /// all_nodes() for a step that sends each node the messages that it waits for; ServerExchange::announce() follows. If
-  /// there are many nodes, none is woken by its own message: when all messages are written, the nodes wake each other
-  /// (link::WakeTree).
-  template <class Done>
-  bool send_to_nodes(Done done) {
+  /// all_nodes() for a step that sends nodes the messages that they wait for; ServerExchange::announce() follows. Calls
+  /// `send` for those nodes for which `has_message` is true. If there are many nodes, none is woken by its own message:
+  /// when all messages are written, the nodes wake each other (link::WakeTree).
+  template <class HasMessage, class Send>
+  bool send_to_nodes(HasMessage has_message, Send send) {
     // What remains to be sent wakes its receiver as usual.
     if (!wakes_together() || is_waking()) {
-      return all_nodes(done);
+      return all_nodes([&](PeerSession& node) { return !has_message(node) || send(node); });
     }
     constexpr std::size_t ahead = 4;
     const bool all = all_nodes([&](PeerSession& node) {
       const auto left = static_cast<std::size_t>(nodes.data() + nodes.size() - &node);
-      base::prefetch_for_read(&(&node)[std::min(2 * ahead, left - 1)].connection);
-      base::prefetch_for_write((&node)[std::min(ahead, left - 1)].connection.out);
+      base::prefetch_object((&node)[std::min(ahead, left - 1)].begin_run);
+      base::prefetch_for_read(&(&node)[std::min(ahead, left - 1)].connection);
+      if (!has_message(node)) {
+        return true;
+      }
       node.connection.out->set_quiet(true);
-      const bool node_done = done(node);
+      const bool sent = send(node);
       node.connection.out->set_quiet(false);
-      return node_done;
+      return sent;
     });
     if (!all) {
       wake_nodes();  // those whose rings are full have to read

@@ -324,12 +324,12 @@ bool MessageExchange::complete_contacts() {
   return true;
 }
 
-bool MessageExchange::report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) {
+bool MessageExchange::report_done(const messages::NodeFrameStats& stats) {
   if (!std::exchange(done_started_, true)) {
-    kinds_run_.start(kinds.size());
+    kinds_run_.start(kinds_.size());
     done_run_.start(1);
   }
-  return state_.send(kinds_run_, MessageType::kinds, [&](std::size_t i) { return kinds[i]; }) &&
+  return state_.send(kinds_run_, MessageType::kinds, [&](std::size_t i) { return kinds_[i]; }) &&
          state_.send(done_run_, MessageType::frame_done, [&](std::size_t) { return stats; });
 }
 

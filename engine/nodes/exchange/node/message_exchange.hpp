@@ -45,6 +45,7 @@ class MessageExchange final : public NodeExchange {
   }
   void discard_ghosts() noexcept override;
   void begin_contacts() override;
+  void list_kinds(std::span<const messages::KindRecord> kinds) noexcept override { kinds_ = kinds; }
   bool send_contacts(const messages::NarrowDoneRecord& totals) override;
   void share_contacts() override;
   bool send_to_peers() override;
@@ -54,7 +55,7 @@ class MessageExchange final : public NodeExchange {
   bool send_hand_overs() override;
   void lose(const messages::LostRecord& record) noexcept override;
   bool complete_contacts() override;
-  bool report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) override;
+  bool report_done(const messages::NodeFrameStats& stats) override;
 
  private:
   /// What is sent to another node, and received from it.
@@ -88,9 +89,10 @@ class MessageExchange final : public NodeExchange {
   std::size_t next_owned_ = 0, next_contact_ = 0;  ///< next to send
   std::vector<messages::CountRecord> ghost_counts_, contact_counts_;
   messages::RunSender ghost_counts_run_, contact_counts_run_, change_run_, narrow_done_run_, kinds_run_, done_run_;
-  bool ghosts_listed_ = false;          ///< in this frame
-  const PeerLists* leaving_ = nullptr;  ///< objects that are handed over, by number
-  std::vector<Contact> received_;       ///< from other nodes, in the order of arrival
+  std::span<const messages::KindRecord> kinds_;  ///< of this frame
+  bool ghosts_listed_ = false;                   ///< in this frame
+  const PeerLists* leaving_ = nullptr;           ///< objects that are handed over, by number
+  std::vector<Contact> received_;                ///< from other nodes, in the order of arrival
   std::uint64_t contacts_expected_ = 0;
   std::uint64_t contacts_arrived_ = 0;  ///< without those of nodes that were lost
 };

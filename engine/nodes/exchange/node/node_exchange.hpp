@@ -97,6 +97,8 @@ class NodeExchange {
   // Contacts, from NodeContacts.
   /// The contacts of the frame are listed. What arrived in this frame before is void, because it is detected again.
   virtual void begin_contacts() {}
+  /// Before the next call: the tests of the frame by kinds of shapes. `kinds` stays valid until the next frame begins.
+  virtual void list_kinds(std::span<const messages::KindRecord> kinds) noexcept = 0;
   /// Sends to the server what it cannot read, and reports that all pairs are tested.
   virtual bool send_contacts(const messages::NarrowDoneRecord& totals) = 0;
   /// After `frame_end`, when the list of contacts and the phases are final: contacts of objects that other nodes host
@@ -128,9 +130,9 @@ class NodeExchange {
   /// When all contacts of other nodes have arrived: adds them to Host.
   virtual bool complete_contacts() { return true; }
 
-  /// The node has completed the frame: reports its statistics and its tests by kinds of shapes. `kinds` stays valid
-  /// until the next frame begins. If it returns false, it takes the values of the next call.
-  virtual bool report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) = 0;
+  /// The node has completed the frame: reports its statistics, and its tests by kinds of shapes unless the server has
+  /// read them. If it returns false, it takes the values of the next call.
+  virtual bool report_done(const messages::NodeFrameStats& stats) = 0;
 
  protected:
   /// A state for the server.

@@ -51,6 +51,8 @@ void SharedExchange::reach(ReportedStep step) noexcept {
 
 void SharedExchange::begin() {
   NodeExchange::begin();
+  StepReport& report = state_.contacts.report;
+  report.ghosts = report.taken = report.duplicates = 0;
   state_.contacts.host_states.begin(state_.frame);
 }
 
@@ -73,6 +75,7 @@ bool SharedExchange::finish_report() {
   state_.contacts.host_states.finish();
   GhostUpdates& updates = state_.contacts.ghost_updates;
   updates.finish(state_.setup.slots());
+  state_.contacts.report.ghosts = updates.size();
   updates.each_receiver([this](NodeNumber to) { add_to_senders(&NodeContacts::ghost_senders, to); });
   flush();
   reach(ReportedStep::moved);
@@ -122,7 +125,7 @@ void SharedExchange::share_contacts() {
   }
   state_.fault.pass(NodeStage::gate, state_.frame);
   if (!contacts.output_merge->server_writes) {
-    contacts.duplicates = write_slice(*contacts.output_merge, contacts.share, scratch_);
+    contacts.report.duplicates = write_slice(*contacts.output_merge, contacts.share, scratch_);
   }
   if (state_.setup.hosts) {
     read_peer_contacts();
@@ -156,7 +159,7 @@ void SharedExchange::read_peer_contacts() {
     all[peer]->write(all[peer]->found[position], phase, contact);
     state_.host.contacts().add(state_.frame, contact);
   });
-  state_.contacts.taken = order.size();
+  state_.contacts.report.taken = order.size();
 }
 
 void SharedExchange::list_hand_overs(const PeerLists& leaving) {
@@ -211,8 +214,7 @@ void SharedExchange::receive_hand_overs(Migration& migration) {
   migration.is_complete() ? gate.leave() : gate.pause();
 }
 
-bool SharedExchange::report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) {
-  state_.contacts.report.kinds = kinds;
+bool SharedExchange::report_done(const messages::NodeFrameStats& stats) {
   state_.contacts.report.stats = stats;
   reach(ReportedStep::done);
   return true;

@@ -30,13 +30,16 @@ class SharedExchange final : public NodeExchange {
   void report_published() noexcept override { reach(ReportedStep::published); }
   bool receive_ghosts(HaloExchange& halo) override;
   void begin_contacts() override;
+  void list_kinds(std::span<const messages::KindRecord> kinds) noexcept override {
+    state_.contacts.report.kinds = kinds;
+  }
   bool send_contacts(const messages::NarrowDoneRecord& totals) override;
   void share_contacts() override;
   void list_hand_overs(const PeerLists& leaving) override;
   bool lists_hand_overs() const noexcept override { return true; }
   void start_hand_overs(const PeerLists& leaving) override;
   void receive_hand_overs(Migration& migration) override;
-  bool report_done(std::span<const messages::KindRecord> kinds, const messages::NodeFrameStats& stats) override;
+  bool report_done(const messages::NodeFrameStats& stats) override;
 
  private:
   void reach(ReportedStep step) noexcept;

@@ -160,7 +160,7 @@ NodeNumber MessageServerExchange::next_host(std::uint32_t slot, NodeNumber finde
 
 void MessageServerExchange::cancel_contacts(NodeNumber node) {
   state_.all_nodes([&](PeerSession& other) {
-    if (other.closing.end_run.done()) {
+    if (other.end_run.done()) {
       other.loss.records.back().contacts = contacts_.between(node, other.self.number());
     }
     return true;

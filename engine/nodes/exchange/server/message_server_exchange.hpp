@@ -17,6 +17,7 @@ class MessageServerExchange final : public ServerExchange {
   explicit MessageServerExchange(ServerState& state) : ServerExchange(state, false) { MessageServerExchange::begin(); }
 
   bool send_map(PeerSession& node, messages::RunSender& run) override;
+  void start_end(PeerSession& node, bool) override { node.end_run.start(1); }
   void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) override;
   void begin() override;
   void begin_queries() override;

@@ -47,6 +47,9 @@ class ServerExchange {
   /// Starts a run of `records` records to a CD node. Within a process a run without records is not sent: its end is
   /// announced, and counts like the message that it replaces.
   void start_run(messages::RunSender& run, messages::MessageType type, std::size_t records) const noexcept;
+  /// Starts `frame_end` to a CD node, when PeerSession::hand_overs is known. Within a process the node reads it when
+  /// the end of the frame is announced, and nothing is sent.
+  virtual void start_end(PeerSession& node, bool hosts_exchange_objects) = 0;
   /// Sends the region map to a node, in a run that was started; true when it is sent.
   virtual bool send_map(PeerSession& node, messages::RunSender& run) = 0;
   /// At the cut, when it is known which nodes take part in the frame.

@@ -40,6 +40,14 @@ void SharedServerExchange::finish() {
   sent_maps_.clear();
 }
 
+void SharedServerExchange::start_end(PeerSession& node, bool hosts_exchange_objects) {
+  const bool has_content = hosts_exchange_objects || node.hand_overs != 0;
+  node.connection.node_contacts->end = {node.hand_overs, 0, hosts_exchange_objects ? 1u : 0u, 0};
+  node.end_run.stop();
+  messages::count_message(state_.report().traffic, state_.head(messages::MessageType::frame_end, node.self),
+                          has_content ? sizeof(messages::FrameEndRecord) : 0, has_content ? 1 : 0);
+}
+
 void SharedServerExchange::expect_nodes() noexcept {
   FrameControl::Members members{};
   for (const PeerSession& node : state_.nodes) {
@@ -134,8 +142,8 @@ void SharedServerExchange::receive_contacts(PeerSession& node, Statistics& stati
 }
 
 ServerExchange::Exchanged SharedServerExchange::exchanged(const PeerSession& node) const noexcept {
-  const NodeContacts& contacts = *node.connection.node_contacts;
-  return {contacts.ghost_updates.size(), contacts.taken};
+  const StepReport& report = node.connection.node_contacts->report;
+  return {report.ghosts, report.taken};
 }
 
 }  // namespace ringfence::nodes

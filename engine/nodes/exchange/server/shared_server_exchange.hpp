@@ -17,6 +17,7 @@ class SharedServerExchange final : public ServerExchange {
   explicit SharedServerExchange(ServerState& state) noexcept : ServerExchange(state, true) {}
 
   bool send_map(PeerSession& node, messages::RunSender& run) override;
+  void start_end(PeerSession& node, bool hosts_exchange_objects) override;
   void expect_nodes() noexcept override;
   void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) override;
   void dismiss(PeerSession& node) noexcept override;

@@ -44,6 +44,7 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint3
 
 void ContactLedger::restore(std::uint64_t frame, std::span<Contact> contacts, const ObjectTable& objects) {
   frame_ = frame;
+  any_lost_ = false;
   List& list = live_[parity(frame - 1)];
   list.resize(contacts.size());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
@@ -293,7 +294,6 @@ void ContactLedger::share_out() {
     if (run.shared != nullptr) {
       run.shared->output_merge = output_merge_.get();
       run.shared->share = share++;
-      run.shared->duplicates = run.shared->taken = 0;
       run.shared->gate.admit();
       run.shared->hand_over_gate.admit();
     }
@@ -319,6 +319,7 @@ void ContactLedger::start_output() {
 }
 
 void ContactLedger::lose(NodeNumber node) {
+  any_lost_ = true;
   NodeContacts* const shared = runs_[node].shared;
   if (shared != nullptr && shared->gate.bar() && keeps_two_) {
     duplicates_ += write_slice(*output_merge_, shared->share, scratch_);
@@ -347,11 +348,12 @@ void ContactLedger::write_again() {
 bool ContactLedger::complete() {
   const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->gate.is_inside(); };
   if (!written_again_) {
-    if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
+    // A node that is done has left its gate.
+    if (any_lost_ && std::any_of(runs_.begin(), runs_.end(), is_inside)) {
       return false;
     }
     for (const Run& run : runs_) {
-      duplicates_ += run.shared != nullptr ? run.shared->duplicates : 0;
+      duplicates_ += run.shared != nullptr ? run.shared->report.duplicates : 0;
     }
   }
   if (!keeps_two_) {

@@ -221,6 +221,7 @@ class ContactLedger {
   std::unique_ptr<OutputMerge> output_merge_ = std::make_unique<OutputMerge>();  ///< nodes hold its address
   OutputMergeScratch scratch_;
   std::vector<Abandoned> abandoned_;
+  bool any_lost_ = false;            ///< in this frame, after share_out()
   bool written_again_ = false;       ///< in this frame
   std::ptrdiff_t participants_ = 0;  ///< number of nodes that took part in the last frame
   base::FlatList<ContactNotice> notices_, ended_notices_;

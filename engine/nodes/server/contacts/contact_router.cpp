@@ -76,7 +76,7 @@ void ContactRouter::follow(std::uint32_t slot, NodeNumber next) {
     }
     state_.objects.set_host(slot, Endpoint::node(next));
     state_.objects.marks(slot) |= shared_mark;  // the old host knows it, too
-    ++state_.nodes[next].closing.hand_overs;
+    ++state_.nodes[next].hand_overs;
     ++state_.report().handed_over;
   }
 }
@@ -97,13 +97,14 @@ void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
 void ContactRouter::start_nodes() {
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
   state_.all_nodes([&](PeerSession& node) {
-    const std::size_t corrections = state_.ledger.corrections(node.self.number()).size();
+    const std::size_t corrections = exchange_.reads_nodes() ? 0 : state_.ledger.corrections(node.self.number()).size();
     if (corrections != 0) {
       node.closing.correct_run.start(corrections);
     }
-    const bool has_content = !exchange_.trusts_nodes() || exchange || node.closing.hand_overs != 0;
-    exchange_.start_run(node.closing.end_run, MessageType::frame_end, has_content ? 1 : 0);
-    node.closing.map_run.start(state_.map.table().size());
+    exchange_.start_end(node, exchange);
+    if (state_.map_change.at_end) {
+      node.closing.map_run.start(state_.map.table().size());
+    }
     return true;
   });
 }
@@ -170,19 +171,22 @@ Contact ContactRouter::contact_of(std::uint32_t notice) const noexcept {
 }
 
 bool ContactRouter::notify(PeerSession& node) {
-  PeerSession::Closing& closing = node.closing;
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
+  return (!state_.map_change.at_end || exchange_.send_map(node, node.closing.map_run)) &&
+         (exchange_.reads_nodes() || send_resolved(node)) &&
+         state_.send(node, node.end_run, MessageType::frame_end, [&](std::size_t) {
+           return messages::FrameEndRecord{node.hand_overs, exchange_.announced_contacts(node), exchange ? 1u : 0u, 0};
+         });
+}
+
+bool ContactRouter::send_resolved(PeerSession& node) {
+  PeerSession::Closing& closing = node.closing;
   const auto unlisted = state_.ledger.unlisted(node.self.number());
   const auto corrections = state_.ledger.corrections(node.self.number());
-  return (!state_.map_change.at_end || exchange_.send_map(node, closing.map_run)) &&
-         state_.send(node, closing.unlist_run, MessageType::unlist,
-                     [&](std::size_t i) { return messages::UnlistRecord{unlisted[i].key}; }) &&
-         state_.send(node, closing.correct_run, MessageType::correct,
-                     [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; }) &&
-         state_.send(node, closing.end_run, MessageType::frame_end, [&](std::size_t) {
-           return messages::FrameEndRecord{closing.hand_overs, exchange_.announced_contacts(node), exchange ? 1u : 0u,
-                                           0};
-         });
+  const auto unlist = [&](std::size_t i) { return messages::UnlistRecord{unlisted[i].key}; };
+  const auto correct = [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; };
+  return state_.send(node, closing.unlist_run, MessageType::unlist, unlist) &&
+         state_.send(node, closing.correct_run, MessageType::correct, correct);
 }
 
 bool ContactRouter::notify_user(PeerSession& user) {

@@ -398,20 +398,28 @@ void Cut::start_runs(PeerSession::Opening& opening) noexcept {
 }
 
 void Cut::start(PeerSession& node) {
-  start_runs(node.opening);
-  exchange_.start_run(node.opening.begin_run, MessageType::frame_begin, 0);
+  if (node.changes) {
+    start_runs(node.opening);
+  }
+  exchange_.start_run(node.begin_run, MessageType::frame_begin, 0);
   if (state_.map_change.precedes_frame) {
     node.loss.map_run.start(state_.map.table().size());
   }
-  node.closing.hand_overs = 0;
+  node.hand_overs = 0;
   node.received.begin(state_.frame);
   node.last_received_ns = state_.begin_ns;
   node.probed_ns = node.started.ns = node.notified.ns = 0;
 }
 
 bool Cut::open(PeerSession& node) {
-  return (!state_.map_change.precedes_frame || exchange_.send_map(node, node.loss.map_run)) && send_changes(node) &&
-         state_.send_empty(node, node.opening.begin_run, MessageType::frame_begin);
+  if (state_.map_change.precedes_frame && !exchange_.send_map(node, node.loss.map_run)) {
+    return false;
+  }
+  if (node.changes && !send_changes(node)) {
+    return false;
+  }
+  node.changes = false;
+  return state_.send_empty(node, node.begin_run, MessageType::frame_begin);
 }
 
 bool Cut::send_changes(PeerSession& session) {

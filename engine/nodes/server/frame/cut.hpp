@@ -42,6 +42,10 @@ class Cut {
   /// Sends a node its changes, then `frame_begin` or its announcement: a host that receives it knows what it hosts.
   /// Sends as much as the ring takes; true when all is sent.
   bool open(PeerSession& node);
+  /// Whether open() has something to send. True for each node of another process until it has all.
+  bool has_opening(const PeerSession& node) const noexcept {
+    return node.changes || state_.map_change.precedes_frame || !node.begin_run.done();
+  }
   /// The same two for the users, while the nodes already move. Awaits the users' states.
   void start_users();
   bool open_users();

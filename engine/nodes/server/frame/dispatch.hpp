@@ -29,6 +29,8 @@ class Dispatch {
   /// Lists the updates of each node. The active nodes stay active until the last send_pairs(), or start() is called
   /// again. Objects and map must not change until all is sent.
   void start(UpdateScope scope, const ServerExchange& exchange);
+  /// Whether send_updates() has something to send: an update, or to a node of another process that none follows.
+  bool has_updates(const PeerSession& node) const noexcept { return !nodes_[node.self.number()].update_run.done(); }
   /// Sends a node its updates; true when all are sent.
   bool send_updates(const PeerSession& node) { return pump_updates(node.self.number()); }
   /// With Placement::server, after all updates: sweeps all objects and sends each candidate to its owner as it is

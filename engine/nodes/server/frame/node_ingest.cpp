@@ -204,8 +204,7 @@ bool NodeIngest::may_send(const PeerSession& node, const MessageView& message) c
       return message.count() == 1;
     case MessageType::frame_done:
       // Accepted once, and only after the contacts that it acknowledges have been sent.
-      return message.count() == 1 && !node.received.frame_done && state_.contacts_are_final() &&
-             node.closing.end_run.done();
+      return message.count() == 1 && !node.received.frame_done && state_.contacts_are_final() && node.end_run.done();
     default:
       return false;
   }

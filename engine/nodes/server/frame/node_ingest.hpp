@@ -35,6 +35,12 @@ class NodeIngest {
 
   /// At the cut: nothing has been reported in this frame.
   void begin() noexcept { reports_.begin(); }
+  /// When all nodes have tested: counts the tests by kinds of shapes that nodes of this process have listed.
+  void count_kinds() {
+    if (state_.setup.frame_control != nullptr) {
+      reports_.count_kinds();
+    }
+  }
   /// Whether all nodes that are not lost have completed a step.
   bool all_completed(ReportedStep step);
   /// Reads what the nodes have sent for which the frame waits. Returns whether there was any message.

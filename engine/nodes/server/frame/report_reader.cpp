@@ -98,9 +98,28 @@ void ReportReader::prefetch_report(std::size_t i) const noexcept {
     contacts.prefetch_summary();
   } else if (reports_[i].step == ReportedStep::done) {
     base::prefetch_object(contacts.report.stats);
-    for (const messages::KindRecord& kind : contacts.report.kinds) {
-      base::prefetch_for_read(&kind);
-      base::prefetch_for_read(&kind.timed);
+  }
+}
+
+void ReportReader::count_kinds() {
+  const std::size_t slots = state_.nodes.size();
+  const auto kinds_of = [this](std::size_t slot) -> const std::span<const messages::KindRecord>* {
+    const PeerSession& node = state_.nodes[slot];
+    return node.is_active() ? &node.connection.node_contacts->report.kinds : nullptr;
+  };
+  for (std::size_t slot = 0; slot < slots; ++slot) {
+    if (const auto* const kinds = slot + 2 * ahead < slots ? kinds_of(slot + 2 * ahead) : nullptr) {
+      base::prefetch_for_read(kinds);
+    }
+    if (const auto* const kinds = slot + ahead < slots ? kinds_of(slot + ahead) : nullptr) {
+      for (const messages::KindRecord& kind : *kinds) {
+        base::prefetch_for_read(&kind);
+        base::prefetch_for_read(&kind.timed);
+      }
+    }
+    if (const auto* const kinds = kinds_of(slot)) {
+      statistics_.count_report(MessageType::kinds, kinds->size(), sizeof(messages::KindRecord));
+      results_.add_kinds(*kinds);
     }
   }
 }
@@ -160,9 +179,7 @@ void ReportReader::accept(PeerSession& node, ReportedStep step) {
       }
       return;
     case ReportedStep::done:
-      statistics_.count_report(MessageType::kinds, report.kinds.size(), sizeof(messages::KindRecord));
       statistics_.count_report(MessageType::frame_done, 1, sizeof report.stats);
-      results_.add_kinds(report.kinds);
       return results_.finish(node, report.stats);
   }
 }

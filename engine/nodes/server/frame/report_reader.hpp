@@ -31,6 +31,9 @@ class ReportReader {
   void look();
   /// Takes those of the last look() that can be taken now, and sets PeerSession::received. Returns whether any was new.
   bool accept();
+  /// When all nodes have tested: adds their tests by kinds of shapes to the report of the frame. These are most of what
+  /// the server reads of a node, so they are read while the nodes end the frame.
+  void count_kinds();
   /// Whether all nodes of the frame have completed a step. Precondition: none is lost.
   bool all(ReportedStep step) const noexcept { return missing_[index_of(step)] == 0; }
 

@@ -145,12 +145,12 @@ void Failover::cancel_hand_overs(NodeNumber node) {
     if (change.from != node || to.lost) {
       continue;
     }
-    if (to.closing.end_run.done()) {
+    if (to.end_run.done()) {
       ++to.loss.records.back().hand_overs;
     } else {
-      --to.closing.hand_overs;
+      --to.hand_overs;
     }
-    to.opening.drops.push_back(change.slot);
+    state_.opening_of(to.self)->drops.push_back(change.slot);
     reclaim(change.slot);
   }
   for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
@@ -188,7 +188,7 @@ bool Failover::connect_fallback() {
   session.connection = order.fallback;
   session.connected = true;
   session.last_received_ns = telemetry::now_ns();
-  exchange_.start_run(session.opening.begin_run, MessageType::frame_begin, 0);
+  exchange_.start_run(session.begin_run, MessageType::frame_begin, 0);
   relay_.order(session);
   exchange_.admit(session);
   state_.ledger.join(slot, state_.frame);
@@ -217,7 +217,7 @@ bool Failover::send(PeerSession& session) {
   // Other nodes have already received frame_begin. A fallback node joins while the frame is running, so it receives it
   // here, unless it follows the announcement.
   return state_.stage == FrameStage::starting_nodes ||
-         state_.send_empty(session, session.opening.begin_run, MessageType::frame_begin);
+         state_.send_empty(session, session.begin_run, MessageType::frame_begin);
 }
 
 // Objects may have changed their hosts since the cells of lost nodes were reassigned within the frame, so the nodes
@@ -236,7 +236,7 @@ void Failover::rehost_recovered() {
     if (state_.objects.alive(slot) && (state_.objects.marks(slot) & recovered_mark) != 0) {
       const NodeNumber node = state_.owner_at(state_.objects.row(slot).pose.position);
       state_.objects.set_host(slot, Endpoint::node(node));
-      state_.nodes[node].opening.adoptions.push_back(slot);
+      state_.opening_of(Endpoint::node(node))->adoptions.push_back(slot);
       state_.note_host_change(slot);
       ++state_.report().handed_over;
     }

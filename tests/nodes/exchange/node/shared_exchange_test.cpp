@@ -99,6 +99,22 @@ TEST_CASE(
   CHECK(state.objects.next_host(state.objects.find(5)) == NextHost::self);
 }
 
+TEST_CASE("the updates that a node gives to others are counted anew in each frame") {
+  NodeFixture fixture;
+  fixture.state().contacts.report.taken = fixture.state().contacts.report.duplicates = 7;  // of the frame before
+  fixture.exchange().begin();
+  GhostUpdates& updates = fixture.state().contacts.ghost_updates;
+  updates.start(1);
+  updates.add(fixture.position(5, {31.8, 10, 10}));
+  updates.add_receiver(1, false);
+  fixture.exchange().finish_report();
+  CHECK(fixture.state().contacts.report.ghosts == 1);
+  CHECK(fixture.state().contacts.report.taken == 0);
+  CHECK(fixture.state().contacts.report.duplicates == 0);
+  fixture.exchange().begin();
+  CHECK(fixture.state().contacts.report.ghosts == 0);
+}
+
 TEST_CASE("the node reads the contacts of its objects from its peer if the gate admits it") {
   for (const bool admitted : {false, true}) {
     NodeFixture fixture;
@@ -139,7 +155,7 @@ TEST_CASE("the node reads the contacts of its objects from its peer if the gate 
       CHECK(received[0].phase == Phase::begin);
       CHECK(contacts[0].depth == 0.25f);  // the slice of the output lists
       CHECK(finders[0].by == 1);
-      CHECK(state.contacts.taken == 1);
+      CHECK(state.contacts.report.taken == 1);
     }
   }
 }

@@ -60,11 +60,7 @@ TEST_CASE("ghost updates are counted in the frames in which nodes exchange them"
     ServerFixture fixture(sharing);
     Statistics statistics(fixture.state());
     ServerExchange& exchange = fixture.exchange();
-    GhostUpdates& updates = fixture.node_contacts(0).ghost_updates;
-    updates.start(1);
-    updates.add({});
-    updates.add_receiver(1, false);
-    updates.finish(2);
+    fixture.node_contacts(0).report.ghosts = 1;
     exchange.begin_ghosts(exchanged);
     exchange.count_records(statistics);
     CHECK(fixture.state().report().ghost_updates == (exchanged ? 1 : 0));
@@ -84,11 +80,31 @@ TEST_CASE("contacts in shared memory go to the ledger and count like messages") 
   CHECK(fixture.state().ledger.received(1) == 2);
   CHECK(traffic(fixture, Traffic::m3).records == 2);
   CHECK(traffic(fixture, Traffic::m3).bytes == 2 * sizeof(messages::CollisionRecord));
-  contacts.taken = 5;
-  fixture.node_contacts(0).taken = 7;
+  contacts.report.taken = 5;
+  fixture.node_contacts(0).report.taken = 7;
   fixture.state().nodes[0].lost = true;
   exchange.count_records(statistics);
   CHECK(traffic(fixture, Traffic::m4).records == 5);
+}
+
+TEST_CASE("within a process the end of the frame is not sent, but counts like the message with what it says") {
+  for (const std::uint64_t hand_overs : {0u, 3u}) {
+    ServerFixture fixture(sharing);
+    PeerSession& node = fixture.state().nodes[1];
+    node.hand_overs = hand_overs;
+    node.end_run.start(1);
+    fixture.exchange().start_end(node, false);
+    CHECK(node.end_run.done());
+    CHECK(fixture.node_contacts(1).end.hand_overs == hand_overs);
+    CHECK(fixture.node_contacts(1).end.hosts_exchange_objects == 0);
+    CHECK(fixture.sent_to(Endpoint::node(1)).empty());
+    CHECK(traffic(fixture, Traffic::control).messages == 1);
+    CHECK(traffic(fixture, Traffic::control).records == (hand_overs != 0 ? 1 : 0));
+    fixture.exchange().start_end(node, true);
+    CHECK(fixture.node_contacts(1).end.hosts_exchange_objects == 1);
+    CHECK(traffic(fixture, Traffic::control).bytes ==
+          2 * sizeof(messages::Header) + (hand_overs != 0 ? 2 : 1) * sizeof(messages::FrameEndRecord));
+  }
 }
 
 TEST_CASE("a node is sent the number of ghosts that other nodes send it, or none") {

@@ -94,6 +94,7 @@ struct Node {
     }
     touches.resize(own.size());
     lists->start(frame);
+    lists->report.duplicates = 0;
     for (std::uint32_t i = 0; i < own.size(); ++i) {
       const Contact& contact = own[i]->contact;
       const Vec3d& origin = rows[own[i]->slot_a].pose.position;
@@ -126,7 +127,7 @@ struct Node {
   }
   void write() {
     if (!lists->output_merge->server_writes) {
-      lists->duplicates = write_slice(*lists->output_merge, lists->share, scratch);
+      lists->report.duplicates = write_slice(*lists->output_merge, lists->share, scratch);
     }
     lists->gate.leave();
   }

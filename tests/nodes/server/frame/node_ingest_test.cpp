@@ -51,7 +51,7 @@ TEST_CASE("the end of a frame is accepted once, after the contacts were sent") {
   test.state().stage = FrameStage::closing;
   messages::NodeFrameStats stats;
   stats.hosted = 4;
-  test.state().nodes[0].closing.end_run.start(1);
+  test.state().nodes[0].end_run.start(1);
   test.fixture.send(Endpoint::node(0), MessageType::frame_done, stats);
   test.nodes.receive();
   CHECK(!test.state().nodes[0].received.frame_done);
@@ -92,6 +92,10 @@ TEST_CASE("what a node of this process reports is accepted once, and counts like
   test.fixture.report(0, ReportedStep::done);
   test.nodes.receive();
   CHECK(!received.frame_done);  // the contacts are not final
+  test.state().stage = FrameStage::notifying_users;
+  test.fixture.node_contacts(1).report.kinds = std::span(&kind, 1);
+  test.state().nodes[1].lost = true;
+  test.nodes.count_kinds();
   test.state().stage = FrameStage::closing;
   for (int times = 0; times < 2; ++times) test.nodes.receive();
   CHECK(received.frame_done);
@@ -99,7 +103,7 @@ TEST_CASE("what a node of this process reports is accepted once, and counts like
   CHECK(test.state().report().nodes[0].hosted == 4);
   CHECK(test.states.moved() == 3);
   REQUIRE(test.state().report().kinds.size() == 1);
-  CHECK(test.state().report().kinds[0].candidates == 3);
+  CHECK(test.state().report().kinds[0].candidates == 3);  // not those of the lost node
   CHECK(test.state().report().kinds[0].nanoseconds == 70);
   const TrafficReport& control = test.state().report().traffic[static_cast<std::size_t>(Traffic::control)];
   CHECK(control.messages == 4);  // published, narrow_done, kinds, frame_done

@@ -99,14 +99,14 @@ TEST_CASE("after the contacts are known, hand-overs of a lost node are void and 
   const std::uint32_t late = test.fixture.add({2, 1, 1}, Endpoint::node(2));
   const std::uint32_t stays = test.fixture.add({3, 1, 1}, Endpoint::node(2));
   test.state().hand_overs = {{early, 1, 0}, {late, 1, 2}, {stays, 0, 2}};
-  test.state().nodes[0].closing.hand_overs = 1;
-  test.state().nodes[0].closing.end_run.start(1);  // not sent yet
-  test.state().nodes[2].closing.hand_overs = 2;    // frame_end was sent
+  test.state().nodes[0].hand_overs = 1;
+  test.state().nodes[0].end_run.start(1);  // not sent yet
+  test.state().nodes[2].hand_overs = 2;    // frame_end was sent
   const std::uint32_t epoch = test.state().map.epoch();
   test.failover.lose(1);
   CHECK(test.state().stage == FrameStage::notifying);
   CHECK(test.state().map.epoch() == epoch);
-  CHECK(test.state().nodes[0].closing.hand_overs == 0);
+  CHECK(test.state().nodes[0].hand_overs == 0);
   CHECK(test.state().nodes[0].opening.drops == std::vector<std::uint32_t>{early});
   CHECK(test.state().nodes[2].opening.drops == std::vector<std::uint32_t>{late});
   CHECK(test.objects().host(early).is_server());
