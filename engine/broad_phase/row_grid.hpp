@@ -45,14 +45,14 @@ struct RowGrid {
   std::uint32_t sorted_buckets = 0;   ///< buckets sorted so far
   base::Buffer<GridBox> boxes;        ///< chunks of each bucket, in staging order
   base::Buffer<std::uint32_t> keys;   ///< parallel to `boxes`; used until the box is sorted
-  base::Buffer<std::uint64_t> codes;  ///< by sorted position; followed by one vector width of padding
+  base::Buffer<std::uint64_t> codes;  ///< by sorted position; followed by padding, which scans read
   base::Buffer<GridEntry> entries;    ///< by sorted position
   /// For each layer, the mask of the layers that it collides with: 32 masks that outlive the sweep. Null where all
   /// layers collide; the layer columns are then not filled.
   const std::uint32_t* layer_masks = nullptr;
   base::Buffer<std::uint8_t> staged_layers;  ///< parallel to `boxes`; used until the box is sorted
-  base::Buffer<std::uint32_t> layer_bits;  ///< by sorted position, one bit set; followed by one vector width of padding
-  base::Buffer<std::uint32_t> cell_end;    ///< [1 + key] is one past the last position of the key; [0] is 0
+  base::Buffer<std::uint32_t> layer_bits;    ///< by sorted position, one bit set; followed by padding, which scans read
+  base::Buffer<std::uint32_t> cell_end;      ///< [1 + key] is one past the last position of the key; [0] is 0
 
   static constexpr std::uint32_t chunk = 512;
   base::Buffer<std::uint32_t> next_chunk;   ///< by chunk: the next chunk of the same bucket

@@ -37,7 +37,7 @@ struct PathReport {
   double notify_users_ms = 0;       ///< server: notify users
   double node_end_ms = 0;           ///< nodes: write contacts in order, hand over
   double user_end_ms = 0;           ///< users: receive their contacts
-  double receive_user_acks_ms = 0;  ///< server: receive acknowledgements of users
+  double receive_user_acks_ms = 0;  ///< server: count the nodes' tests by kinds, receive acknowledgements of users
 
   double finish_ms = 0;  ///< server: receive end-of-frame reports of nodes
 

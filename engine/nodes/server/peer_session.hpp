@@ -14,7 +14,7 @@ namespace ringfence::nodes {
 /// The server's state for one connected role: its connection, what is to be sent to it, and what was received from it.
 ///
 /// What each frame reads and writes for a CD node is in the first four cache lines. The rest is for messages that few
-/// nodes get in a frame: with a thousand nodes no session stays in the cache between two steps of the server.
+/// nodes get in a frame: a thousand sessions are as large as a second-level cache.
 struct alignas(64) PeerSession {
   /// Sent before a frame, before `frame_begin`: changes of what it hosts. Only if PeerSession::changes.
   struct Opening {

@@ -35,7 +35,7 @@ class ContactRouter {
   /// Sends a node what ends its frame: map, unlisted contacts, corrections, and what it gets from other nodes. Sends as
   /// much as the ring takes; true when all is sent.
   bool notify(PeerSession& node);
-  /// Whether notify() has something to send. Always true for nodes of other processes.
+  /// Whether notify() has something to send. True for each node of another process until it has all.
   bool has_notice(const PeerSession& node) const noexcept { return state_.map_change.at_end || !node.end_run.done(); }
   /// Lists what notify_users() sends.
   void start_users();
@@ -53,7 +53,8 @@ class ContactRouter {
   void list_notices();
   void list_notice(std::uint32_t notice, const Found& found);
   Contact contact_of(std::uint32_t notice) const noexcept;
-  /// Sends a node of another process which of its contacts are not listed, and which have not begun.
+  /// Sends a node of another process what the ledger has decided about its contacts: which are not listed, and which
+  /// have not begun.
   bool send_resolved(PeerSession& node);
   bool notify_user(PeerSession& user);
 
