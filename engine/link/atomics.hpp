@@ -84,12 +84,13 @@ struct CacheLineTuning {
   /// are published alone, and copies of at least `stream_from` bytes are streamed.
   std::size_t stream_from = 512;
   std::size_t stream_up_to = 4096;
-  /// Where it does not: after a message of at least `prefetch_from` bytes, the writer prefetches the next
-  /// `write_prefetch` bytes for writing, as far as the reader has released them, in steps of at least
-  /// `write_prefetch_step`. Those lines are still in the reader's cache from the previous pass over the ring.
+  /// Where it does not: after the first message of a run in the stage, and after one of at least `prefetch_from` bytes
+  /// in place, the writer prefetches the next `write_prefetch` bytes for writing, as far as the reader has released
+  /// them, in steps of at least `write_prefetch_step`. Those lines are still in the reader's cache from the previous
+  /// pass over the ring.
   std::size_t prefetch_from = 256;
   std::size_t write_prefetch = 4096;
-  std::size_t write_prefetch_step = 1024;
+  std::size_t write_prefetch_step = 512;
   /// When the first message of a run is read, the reader prefetches the published bytes behind the run, up to
   /// `read_prefetch`, in steps of at least `read_prefetch_step`. It does not after a run of at least `no_prefetch_from`
   /// bytes: the hardware prefetcher follows those.

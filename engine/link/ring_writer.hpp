@@ -42,8 +42,8 @@ class RingWriter {
         stage_up_to_(std::min(Policy::streams_copies() ? lines.stream_up_to : lines.stage_up_to,
                               MessageStage<Policy>::largest_message_of(stage.size()))),
         stage_alone_from_(Policy::streams_copies() ? lines.stream_from : largest_ + 1),
-        prefetch_from_(Policy::streams_copies() ? largest_ + 1 : lines.prefetch_from),
-        stage_(stage) {
+        stage_(stage),
+        prefetches_(!Policy::streams_copies()) {
     tail_ = published_ = control_->tail.load(std::memory_order_relaxed) & ~RingControl<Policy>::flags;
     stage_.start_at(tail_);
     set_head_seen(control_->head.load(std::memory_order_acquire));
@@ -154,7 +154,7 @@ class RingWriter {
     tail_ = Policy::defect == Defect::padding_lost ? tail_ + RunHeader::bytes + used : next;
     if (Policy::defect != Defect::stage_overtaken || !run_is_open_) stage_.start_at(tail_);
     batching_ = true;
-    if (used >= prefetch_from_) prefetch_ahead();
+    if (used >= lines.prefetch_from) prefetch_ahead();
   }
 
   std::byte* room_in_stage(std::size_t size) noexcept {
@@ -170,6 +170,7 @@ class RingWriter {
     last_ = {used, 1, 0};
     run_is_open_ = true;
     tail_ = after(used);
+    prefetch_ahead();
     // The message may continue in the overhang, and the next one does not follow it in memory.
     if ((tail_ & mask_) < (last_at_ & mask_) && Policy::defect != Defect::stage_crosses_end) return empty_stage();
     if (used < lines.pad_from) let_run_continue();
@@ -229,6 +230,7 @@ class RingWriter {
   }
 
   void prefetch_ahead() noexcept {
+    if (!prefetches_) return;
     std::uint64_t end = tail_ + lines.write_prefetch;
     if (prefetched_ + lines.write_prefetch_step > end) return;
     // Exclude lines that the reader may still use.
@@ -259,7 +261,6 @@ class RingWriter {
   std::size_t largest_;
   std::size_t stage_up_to_;       ///< messages of up to this size are staged; 0: none
   std::size_t stage_alone_from_;  ///< messages of at least this size also if they are published alone
-  std::size_t prefetch_from_;     ///< messages in place of at least this size prefetch the lines after them
   std::uint64_t tail_;            ///< position of the next message
   std::uint64_t head_seen_;       ///< the cached head
   std::uint64_t head_flags_ = 0;  ///< flags of the cached head: `waiting` is already set, or the reader has closed
@@ -270,6 +271,7 @@ class RingWriter {
   std::uint64_t closed_ = 0;
   Continuation run_;
   MessageStage<Policy> stage_;     ///< holds the bytes from stage_.begin() to tail_; empty if they are equal
+  bool prefetches_;                ///< lines are prefetched before they are written
   bool run_is_open_ = false;       ///< the last run is in the stage, and its header is not written yet
   bool batching_ = false;          ///< another message is staged, or several were published together last time
   bool claimed_in_stage_ = false;  ///< the room of the last claim is in the stage
