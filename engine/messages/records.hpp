@@ -43,6 +43,10 @@ enum ObjectFlag : std::uint32_t {
   /// object is not host-owned in that frame.
   flag_jumped = 256,
   flag_placed = 512,  ///< in no message: a host has placed the object for the server, and has not moved it since
+  /// In no message: the server has sent the object to its host, and the host has not moved it since.
+  flag_adopted = 1024,
+  /// In no message: the same until the cut of this frame. So the server sends the object to the nodes in this frame.
+  flag_renewed = 2048,
 };
 
 /// M1: the state of an object that the sending user node hosts. The model state follows.

@@ -127,6 +127,69 @@ TEST_CASE("an object that is changed before its first frame is one that was spaw
   });
 }
 
+/// Objects that rest until a frame of their own, and then fly straight, far enough to change hosts.
+class WakingModel : public MotionModel {
+ public:
+  static std::uint64_t first_frame(ObjectNumber number) { return 2 + number % 4; }
+  std::size_t state_bytes() const noexcept override { return 8; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (frame < first_frame(inputs[i].number)) continue;
+      const double step = inputs[i].pose.position.x < 8 ? 0.7 : -0.7;
+      outputs[i].pose.position.x += inputs[i].number % 3 == 0 ? 3 * step : step;
+      outputs[i].pose.position.y += inputs[i].number % 2 == 0 ? 0.2 : -0.2;
+      std::memcpy(outputs[i].state, &frame, sizeof frame);
+    }
+  }
+};
+
+TEST_CASE("an object that moves for the first time, also in the frame in which it is changed, is where it is moved") {
+  WorldConfig base = layered();
+  base.motion = std::make_shared<WakingModel>();
+  std::vector<std::uint64_t> expected;
+  in_all_worlds(base, {0u, 1u, 3u, 8u}, [&](const WorldConfig& config) {
+    World world(config);
+    const ShapeId ball = world.add_shape(Sphere{1}), box = world.add_shape(Box{{1, 0.5f, 0.7f}});
+    std::vector<ObjectId> ids;
+    for (ObjectNumber i = 0; i < 120; ++i) {
+      ObjectSpec spec{.number = i + 1, .shape = i % 2 == 0 ? ball : box};
+      spec.pose.position = {1.0 + i % 8 * 2, 3.0 + i / 8 % 5 * 2.3, 1.0 + i / 40 * 6};
+      ids.push_back(world.spawn(spec).id);
+    }
+    std::vector<std::uint64_t> prints;
+    for (std::uint64_t frame = 0; frame < 9; ++frame) {
+      CAPTURE(frame);
+      REQUIRE(world.advance() == Status::ok);
+      require_counts(world);
+      prints.push_back(fingerprint(world));
+      for (const ObjectId id : ids) {
+        if (WakingModel::first_frame(id.number()) != frame + 1) continue;
+        Status changed = Status::ok;
+        switch (id.number() % 7) {
+          case 0:
+            changed = world.set_group(id, id.number() % 5);
+            break;
+          case 1:
+            changed = world.set_layer(id, 1);
+            break;
+          case 2:
+            changed = world.set_shape(id, box);
+            break;
+          case 3:
+            changed = world.place(id, {{9, 9, 9}, {}});
+            break;
+          default:
+            break;
+        }
+        REQUIRE(changed == Status::ok);
+      }
+    }
+    CHECK(world.contacts().size() > 20);
+    if (expected.empty()) expected = prints;
+    CHECK(prints == expected);
+  });
+}
+
 TEST_CASE(
     "random changes give the same states and contacts in every deployment, also when nodes join, leave and stop") {
   constexpr double side = 7;

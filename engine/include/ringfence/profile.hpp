@@ -28,7 +28,7 @@ struct PathReport {
   double publish_ms = 0;      ///< server: publish what no other role publishes; allow users to read
   double node_detect_ms = 0;  ///< nodes: after node_publish, until their contacts are sent
   double user_read_ms = 0;    ///< users: read the publications of others
-  double plan_map_ms = 0;     ///< server: one step towards a balanced region map
+  double plan_map_ms = 0;     ///< server: list objects that change hosts; one step towards a balanced region map
 
   double receive_contacts_ms = 0;  ///< server: receive the nodes' contacts
   double collect_ms = 0;           ///< server: merge contacts, compute phases, list the hosts to notify

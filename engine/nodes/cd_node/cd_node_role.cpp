@@ -258,7 +258,8 @@ void CdNodeRole::receive(const MessageView& message) {
   switch (message.type()) {
     case MessageType::adopt:
       halo_.renew_filters(message);
-      return state_.host.adopt(message);
+      state_.host.apply(message);
+      return;
     case MessageType::query:
       return exchange_->receive_queries(message);
     case MessageType::sensed:

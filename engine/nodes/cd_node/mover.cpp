@@ -16,7 +16,8 @@ Mover::Mover(NodeState& state, NodeExchange& exchange, HaloExchange& halo, Migra
       halo_(halo),
       migration_(migration),
       keeps_(state.keeps_host_owned()),
-      reports_rest_(state.reports_rest()) {}
+      reports_rest_(state.reports_rest()),
+      lists_next_hosts_(state.lists_next_hosts()) {}
 
 void Mover::begin() {
   changed_ = {};
@@ -94,7 +95,15 @@ void Mover::place(const Placing& moved) {
   // of the position.
   const NodeNumber next = inner && within ? state_.setup.node : state_.region.map().owner_at(moved.point);
   const bool staying = next == state_.setup.node;
-  if (moved.was_host_owned && !(inner && (moved.was == RegionObjects::none || state_.objects.inner(moved.was)))) {
+  // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
+  // update too, and knows from the bounds which other nodes received one.
+  const std::uint32_t jumped = moved.object.object.flags & messages::flag_jumped;
+  const bool keeps = keeps_ && moved.present && jumped == 0 && ((inner && staying) || within);
+  // All nodes that know the object have it as this node does, so it is as if it had been host-owned and had rested.
+  const bool begins = keeps && !moved.was_host_owned && lists_next_hosts_ && moved.was != RegionObjects::none &&
+                      (moved.object.object.flags & messages::flag_renewed) == 0;
+  const bool owned = moved.was_host_owned || begins;
+  if (owned && !(inner && (moved.was == RegionObjects::none || state_.objects.inner(moved.was)))) {
     halo_.add_updates(moved.hosted, bounds, staying, moved.was);
   }
   if (coverage != regions::Coverage::none) {
@@ -105,12 +114,11 @@ void Mover::place(const Placing& moved) {
   if (!staying) {
     migration_.add(moved.object.object.number, next);
   }
-  // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
-  // update too, and knows from the bounds which other nodes received one.
-  const std::uint32_t jumped = moved.object.object.flags & messages::flag_jumped;
-  const bool keeps = keeps_ && moved.present && jumped == 0 && ((inner && staying) || within);
   state_.host.set_host_owned(moved.hosted, keeps);
-  if (keeps && staying && moved.was_host_owned) {
+  if (keeps && owned && (staying || lists_next_hosts_)) {
+    if (begins || !staying) {
+      exchange_.add_next_host(moved.object.object.slot, next);
+    }
     return exchange_.add_owned(moved.hosted);
   }
   const std::uint32_t flags = (moved.present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |

@@ -61,6 +61,7 @@ class Mover {
   std::array<geometry::FixedPoint, Host::batch> points_;  ///< positions
   const bool keeps_;                                      ///< objects are host-owned
   const bool reports_rest_;                               ///< objects that rest are not, and are reported
+  const bool lists_next_hosts_;                           ///< NodeState::lists_next_hosts()
   bool done_ = true;
   bool publishes_ = false;  ///< in this frame
 };

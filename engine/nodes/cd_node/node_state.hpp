@@ -74,6 +74,8 @@ struct NodeState {
   /// Whether the server needs the state of an object that comes to rest: if the node is lost, the server has the states
   /// that changed in its last two frames, and older ones only in its own table.
   bool reports_rest() const noexcept { return shares_memory() && setup.may_be_lost; }
+  /// Whether the server needs no more of a host-owned object than its next host, which it reads in shared memory.
+  bool lists_next_hosts() const noexcept { return keeps_host_owned() && shares_memory() && !setup.may_be_lost; }
   /// Whether the node's model reads the output lists of the frame before: those of the only node are its contacts. A
   /// node that may be lost does not, because its thread may still run when the lists are overwritten.
   bool reads_output() const noexcept {

@@ -27,17 +27,26 @@ enum class AnnouncedStep : std::uint8_t {
 /// A step that a CD node has completed. All messages that belong to it have been sent.
 enum class ReportedStep : std::uint8_t {
   none,
-  moved,      ///< no `node_state` follows
+  moved,      ///< no `node_state` follows, and StepReport::next_hosts is valid
   published,  ///< the publication of what the node hosts can be read
   tested,     ///< StepReport::totals and kinds are valid, and the contacts can be read
   done        ///< the rest of StepReport is valid
 };
 inline constexpr std::size_t reported_steps = 4;
 
+/// An object and the CD node that hosts it in the next frame.
+struct NextHostOf {
+  std::uint32_t slot = 0;
+  NodeNumber next = 0;
+  bool operator==(const NextHostOf&) const = default;
+};
+
 /// What a CD node reports to the server of its process. Both store and load `reached` as a whole: what it says is
 /// valid was written before, and is not changed until the next frame begins, or this one is detected again.
 struct alignas(link::cache_line_pair_bytes) StepReport {
   std::atomic<FrameMark<ReportedStep>> reached{};
+  /// Objects of the node that are host-owned from this frame on, or leave, and of which it sent no `node_state`.
+  std::span<const NextHostOf> next_hosts;
   messages::NarrowDoneRecord totals;
   /// By the server: the node follows no later announcement, because it is lost or has left. Also before the server has
   /// connected a fallback node.

@@ -11,16 +11,20 @@
 
 namespace ringfence::nodes {
 
+using messages::flag_adopted;
 using messages::flag_host_owned;
 using messages::flag_jumped;
 using messages::flag_placed;
 using messages::flag_present;
+using messages::flag_renewed;
 
 namespace {
 
-/// Before the move of an object: it has jumped in this frame only if it was placed at the cut.
+/// Before the move of an object: it has jumped in this frame only if it was placed at the cut, and the server sends it
+/// only if it was adopted there.
 void begin_flags(std::uint32_t& flags) noexcept {
-  flags = (flags & (flag_present | flag_host_owned)) | ((flags & flag_placed) != 0 ? flag_jumped : 0u);
+  flags = (flags & (flag_present | flag_host_owned)) | ((flags & flag_placed) != 0 ? flag_jumped : 0u) |
+          ((flags & flag_adopted) != 0 ? flag_renewed : 0u);
 }
 
 }  // namespace
@@ -240,7 +244,7 @@ void Host::accept(std::size_t first, std::size_t count) {
 bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
   const std::uint32_t flags = (output.enabled ? flag_present : 0u) | (output.jump ? flag_jumped : 0u) |
-                              (hosted.object.flags & (flag_host_owned | flag_jumped));
+                              (hosted.object.flags & (flag_host_owned | flag_jumped | flag_renewed));
   const bool moved = !(output.pose == hosted.pose);  // a pose with NaN counts as moved and is refused
   if (moved && is_exact_pose(output.pose)) [[likely]] {
     hosted.pose = output.pose;

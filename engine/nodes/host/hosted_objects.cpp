@@ -108,7 +108,11 @@ void HostedObjects::adopt(const messages::MessageView& message) {
 bool HostedObjects::apply(const messages::MessageView& message) {
   switch (message.type()) {
     case messages::MessageType::adopt:
-      adopt(message);
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        const auto record = message.record<messages::HandOverRecord>(i);
+        adopt(record, message.state<messages::HandOverRecord>(i));
+        hosted_.back().object.flags |= messages::flag_adopted;
+      }
       return true;
     case messages::MessageType::drop:
       for (std::size_t i = 0; i < message.count(); ++i) {

@@ -18,7 +18,7 @@ namespace ringfence::nodes {
 
 /// A hosted object: S(k) without the model's state.
 struct Hosted {
-  messages::ObjectRef object;  ///< flags: flag_present, flag_host_owned, flag_jumped, flag_placed
+  messages::ObjectRef object;  ///< flags: flag_present, flag_host_owned, flag_jumped, and those in no message
   Pose pose;
   std::uint64_t user_data = 0;
   ShapeNumber shape = 0;

@@ -196,9 +196,10 @@ bool ServerRole::advance_stage() {
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
         statistics_.charge(Stage::notify);
-        if (scheduler_.plan()) {
-          statistics_.charge_cpu(&PathReport::plan_map_ms);
-        }
+        // The nodes are still testing, or this is the time to wait for them.
+        router_.list_next_hosts();
+        scheduler_.plan();
+        statistics_.charge_cpu(&PathReport::plan_map_ms);
       }
       // A user thread publishes after the last states of its user nodes, so on a busy machine the nodes may be faster.
       if (!relay_.allows_reading() || !node_ingest_.all_completed(ReportedStep::tested)) {

@@ -24,15 +24,15 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
   }
   users.reserve(setup.capacities.users);
   connected.reserve(setup.capacities.users);
-  leaving_slots.reserve(setup.capacities.objects);
+  leaving.reserve(setup.capacities.objects);
   hand_overs.reserve(setup.capacities.objects);
 }
 
 void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const {
   remaining.clear();
-  for (const bool leaving : {false, true}) {
+  for (const bool leaves : {false, true}) {
     for (const PeerSession& session : nodes) {
-      if (session.is_active() && session.leaving == leaving) {
+      if (session.is_active() && session.leaving == leaves) {
         remaining.push_back(session.self.number());
       }
     }

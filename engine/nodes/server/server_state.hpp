@@ -79,11 +79,11 @@ struct ServerState {
   std::vector<PeerSession> users;     ///< by user number
   std::vector<UserNumber> connected;  ///< users, ascending
   std::vector<UserConnection> user_connections;
-  std::size_t lost_users = 0;                ///< number of connected users that are lost
-  std::size_t awaited_users = 0;             ///< number of those from which the frame still needs states
-  std::vector<UserNumber> refused_users;     ///< those with refused records in this frame
-  std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
-  std::vector<HandOver> hand_overs;          ///< of this frame
+  std::size_t lost_users = 0;             ///< number of connected users that are lost
+  std::size_t awaited_users = 0;          ///< number of those from which the frame still needs states
+  std::vector<UserNumber> refused_users;  ///< those with refused records in this frame
+  std::vector<NextHostOf> leaving;        ///< objects that leave their hosts, as these have reported in this frame
+  std::vector<HandOver> hand_overs;       ///< of this frame
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
   /// the contacts that these found.
   std::vector<NodeNumber> lost_finders;

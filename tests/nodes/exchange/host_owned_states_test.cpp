@@ -13,20 +13,22 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// One object on a line; its positions come from a table.
+/// One object on a line; its positions come from a table, and its state is its position.
 class ScriptedModel : public MotionModel {
  public:
-  explicit ScriptedModel(std::vector<double> places) : places_(std::move(places)) {}
-  std::size_t state_bytes() const noexcept override { return 8; }
+  explicit ScriptedModel(std::vector<double> places, bool has_state = true)
+      : places_(std::move(places)), has_state_(has_state) {}
+  std::size_t state_bytes() const noexcept override { return has_state_ ? 8 : 0; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       outputs[i].pose.position.x = places_[frame];
-      std::memcpy(outputs[i].state, &places_[frame], sizeof(double));
+      if (has_state_) std::memcpy(outputs[i].state, &places_[frame], sizeof(double));
     }
   }
 
  private:
   std::vector<double> places_;
+  bool has_state_;
 };
 
 HarnessConfig stage(const MotionModel& model) {
@@ -92,7 +94,7 @@ TEST_CASE("a node reports an object to the server when it arrives, comes to rest
   }
 }
 
-TEST_CASE("where no node may be lost, an object at rest is not reported") {
+TEST_CASE("where no node may be lost, an object is reported when it appears, not when it rests or changes its host") {
   const std::vector<double> places = {4, 5, 6, 6, 6, 7, 31.5, 31.5, 33.5, 33.5, 34};
   const ScriptedModel model(places);
   HarnessConfig config = stage(model);
@@ -103,10 +105,34 @@ TEST_CASE("where no node may be lost, an object at rest is not reported") {
     CAPTURE(frame);
     harness.frame();
     const bool appears = frame == 0, leaves = places[frame] == 33.5 && places[frame - 1] != 33.5;
-    CHECK(reported(harness).size() == (appears || leaves ? 1 : 0));
+    CHECK(reported(harness).size() == (appears ? 1 : 0));
+    CHECK(harness.report().handed_over == (leaves ? 1 : 0));
+    CHECK(harness.table().host(harness.table().find(id.number())) == Endpoint::node(places[frame] > 32 ? 1 : 0));
     CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
     CHECK(harness.report().moved == (frame > 0 && places[frame] == places[frame - 1] ? 0 : 1));
     harness.require_one_host_each();
+  }
+}
+
+TEST_CASE("where no node may be lost, an object that first rests is not reported when it moves") {
+  // The first move is within the region, to the border, or to the other region.
+  for (const double first : {5.0, 31.5, 33.5}) {
+    CAPTURE(first);
+    const std::vector<double> places = {3, 3, 3, first, first, first + 1, 40};
+    const ScriptedModel model(places, false);
+    HarnessConfig config = stage(model);
+    config.nodes_may_be_lost = false;
+    TestHarness harness(config);
+    const ObjectId id = harness.spawn(ball_at(harness, 3));
+    for (std::size_t frame = 0; frame < places.size(); ++frame) {
+      CAPTURE(frame);
+      harness.frame();
+      CHECK(reported(harness).empty());
+      CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
+      CHECK(harness.report().moved == (frame == 0 || places[frame] != places[frame - 1] ? 1 : 0));
+      CHECK(harness.table().host(harness.table().find(id.number())) == Endpoint::node(places[frame] > 32 ? 1 : 0));
+      harness.require_one_host_each();
+    }
   }
 }
 

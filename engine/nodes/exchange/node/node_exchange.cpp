@@ -20,6 +20,7 @@ std::unique_ptr<NodeExchange> NodeExchange::make(NodeState& state) {
 
 void NodeExchange::begin() {
   owned_.clear();
+  next_hosts_.clear();
   changes_.clear();
   next_change_ = 0;
   states_run_.start();

@@ -73,6 +73,9 @@ class NodeExchange {
   }
   /// The state is host-owned before and after the move: the server needs it only if it cannot read it in place.
   void add_owned(std::uint32_t hosted) { owned_.push_back(hosted); }
+  /// If NodeState::lists_next_hosts(): the server has to know the next host of the object in this slot of its table,
+  /// and that its state is host-owned.
+  void add_next_host(std::uint32_t slot, NodeNumber next) { next_hosts_.push_back({slot, next}); }
   /// After each batch of add_change() and add_owned(), while the objects are in the cache.
   virtual bool report_batch() = 0;
   /// After the last batch, when GhostUpdates has all updates: ends the report.
@@ -151,6 +154,7 @@ class NodeExchange {
 
   NodeState& state_;
   base::FlatList<std::uint32_t> owned_;  ///< indices in Host
+  base::FlatList<NextHostOf> next_hosts_;
   base::FlatList<Change> changes_;
   std::uint64_t ghosts_expected_ = unknown;
   std::uint64_t ghosts_arrived_ = 0;

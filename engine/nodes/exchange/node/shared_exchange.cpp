@@ -76,6 +76,7 @@ bool SharedExchange::finish_report() {
   GhostUpdates& updates = state_.contacts.ghost_updates;
   updates.finish(state_.setup.slots());
   state_.contacts.report.ghosts = updates.size();
+  state_.contacts.report.next_hosts = next_hosts_.span();
   updates.each_receiver([this](NodeNumber to) { add_to_senders(&NodeContacts::ghost_senders, to); });
   flush();
   reach(ReportedStep::moved);

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "base/flat_list.hpp"
 #include "messages/header.hpp"
 #include "nodes/server/frame/statistics.hpp"
 #include "nodes/server/server_state.hpp"
@@ -93,6 +94,9 @@ class ServerExchange {
   virtual void close_ghost_gates() noexcept {}
   /// Whether a lost node still reads ghost updates or hand-overs. Then no other node may begin the next frame.
   virtual bool is_reading() const noexcept { return false; }
+
+  /// When all nodes have moved: adds what they have listed in StepReport::next_hosts.
+  virtual void list_next_hosts(base::FlatList<NextHostOf>&) const {}
 
   /// After `narrow_done` of a node: all its contacts are in the ledger.
   virtual void receive_contacts(PeerSession& node, Statistics& statistics) = 0;

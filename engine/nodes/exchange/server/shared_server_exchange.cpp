@@ -5,6 +5,7 @@
 #include <iterator>
 #include <utility>
 
+#include "base/prefetch.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -133,6 +134,31 @@ bool SharedServerExchange::is_reading() const noexcept {
            return node.lost && (node.connection.node_contacts->ghost_updates.gate.is_inside() ||
                                 !node.connection.node_contacts->hand_over_gate.close());
          });
+}
+
+void SharedServerExchange::list_next_hosts(base::FlatList<NextHostOf>& next_hosts) const {
+  if (state_.setup.nodes_may_be_lost || !state_.hosts_send_ghosts()) {
+    return;  // the nodes list none
+  }
+  constexpr std::size_t ahead = 4;
+  const std::size_t slots = state_.nodes.size();
+  const auto report_of = [this](std::size_t slot) -> const StepReport* {
+    const PeerSession& node = state_.nodes[slot];
+    return node.is_active() ? &node.connection.node_contacts->report : nullptr;
+  };
+  for (std::size_t slot = 0; slot < slots; ++slot) {
+    if (const StepReport* const report = slot + 2 * ahead < slots ? report_of(slot + 2 * ahead) : nullptr) {
+      base::prefetch_for_read(report);
+    }
+    if (const StepReport* const report = slot + ahead < slots ? report_of(slot + ahead) : nullptr) {
+      base::prefetch_for_read(report->next_hosts.data());
+    }
+    if (const StepReport* const report = report_of(slot)) {
+      for (const NextHostOf& object : report->next_hosts) {
+        next_hosts.push_back(object);
+      }
+    }
+  }
 }
 
 void SharedServerExchange::receive_contacts(PeerSession& node, Statistics& statistics) {

@@ -32,6 +32,7 @@ class SharedServerExchange final : public ServerExchange {
   void begin_ghosts(bool exchanged) noexcept override;
   void close_ghost_gates() noexcept override;
   bool is_reading() const noexcept override;
+  void list_next_hosts(base::FlatList<NextHostOf>& next_hosts) const override;
   void receive_contacts(PeerSession& node, Statistics& statistics) override;
 
  private:

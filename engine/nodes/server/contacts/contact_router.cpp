@@ -30,21 +30,32 @@ void ContactRouter::start_unlisting() {
   });
 }
 
+void ContactRouter::list_next_hosts() {
+  constexpr std::size_t ahead = 8;  // they are at random slots
+  next_hosts_.clear();
+  exchange_.list_next_hosts(next_hosts_);
+  ObjectTable& objects = state_.objects;
+  for (std::size_t i = 0; i < next_hosts_.size(); ++i) {
+    objects.prefetch_host(next_hosts_[std::min(i + ahead, next_hosts_.size() - 1)].slot);
+    const NextHostOf& object = next_hosts_[i];
+    objects.marks(object.slot) |= host_owned_mark | no_state_mark;
+    if (objects.host(object.slot).number() != object.next) {
+      state_.leaving.push_back(object);
+    }
+  }
+}
+
 void ContactRouter::assign_next_hosts() {
   if (!state_.nodes_host()) {
     return;
   }
   ObjectTable& objects = state_.objects;
-  const auto follow_position = [&](std::uint32_t slot) {
-    if (objects.alive(slot) && objects.host(slot).is_node()) {
-      follow(slot, state_.owner_at(objects.row(slot).pose.position));
-    }
-  };
+  const auto is_hosted = [&](std::uint32_t slot) { return objects.alive(slot) && objects.host(slot).is_node(); };
   if (state_.map_change.at_end) {
     // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the
     // new.
-    for (const std::uint32_t slot : state_.leaving_slots) {
-      state_.note_host_change(slot);
+    for (const NextHostOf& object : state_.leaving) {
+      state_.note_host_change(object.slot);
     }
   }
   if (state_.map_change.at_end && state_.map_change.hosts_exchange_objects && exchange_.reads_nodes()) {
@@ -55,14 +66,18 @@ void ContactRouter::assign_next_hosts() {
     }
   } else if (state_.map_change.at_end || state_.map_change.rescan_hosts) {
     for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-      follow_position(slot);
+      if (is_hosted(slot)) {
+        follow(slot, state_.owner_at(objects.row(slot).pose.position));
+      }
     }
   } else {
     constexpr std::size_t ahead = 8;  // they are at random slots
-    const std::vector<std::uint32_t>& leaving = state_.leaving_slots;
+    const std::vector<NextHostOf>& leaving = state_.leaving;
     for (std::size_t i = 0; i < leaving.size(); ++i) {
-      objects.prefetch_host(leaving[std::min(i + ahead, leaving.size() - 1)]);
-      follow_position(leaving[i]);
+      objects.prefetch_host(leaving[std::min(i + ahead, leaving.size() - 1)].slot);
+      if (is_hosted(leaving[i].slot)) {
+        follow(leaving[i].slot, leaving[i].next);
+      }
     }
   }
 }

@@ -23,6 +23,9 @@ class ContactRouter {
                 Statistics& statistics) noexcept
       : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
 
+  /// When all nodes have moved: reads what they list of host-owned objects (StepReport::next_hosts).
+  void list_next_hosts();
+
   // In this order, when all nodes have tested their pairs.
   /// Resolves which contacts are listed, and their phases; starts the output lists.
   void resolve_phases();
@@ -63,6 +66,7 @@ class ContactRouter {
   ObjectStates& states_;
   StateRelay& relay_;
   Statistics& statistics_;
+  base::FlatList<NextHostOf> next_hosts_;                   ///< scratch
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
   bool users_are_notified_ = false;                         ///< all users have been sent their contacts of this frame
 };

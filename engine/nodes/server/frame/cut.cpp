@@ -26,7 +26,7 @@ bool Cut::begin() {
   if (std::exchange(spawned_many_, false)) {
     states_.release();
   }
-  state_.leaving_slots.clear();
+  state_.leaving.clear();
   state_.hand_overs.clear();
   users_changed_ = false;
   bool any_lost = false;

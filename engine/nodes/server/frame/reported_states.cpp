@@ -66,7 +66,7 @@ void ReportedStates::receive(PeerSession& node, const messages::MessageView& mes
     // Counted as moved, but it has not.
     states_.add_moved((record.object.flags & messages::flag_at_rest) != 0 ? -1 : 0);
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
-      state_.leaving_slots.push_back(slot);
+      state_.leaving.push_back({slot, state_.owner_at(record.pose.position)});
     }
     if (nodes_keep_states) {
       marks |= no_state_mark;

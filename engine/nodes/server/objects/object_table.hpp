@@ -162,7 +162,6 @@ class ObjectTable {
 
   /// Prefetches what a change of host accesses.
   void prefetch_host(std::uint32_t slot) const noexcept {
-    base::prefetch_for_read(&rows_[slot].pose);
     base::prefetch_for_write(&marks_[slot]);
     base::prefetch_for_write(&hosts_[slot]);
   }

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstring>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -104,6 +105,25 @@ TEST_CASE("within a process the end of the frame is not sent, but counts like th
     CHECK(fixture.node_contacts(1).end.hosts_exchange_objects == 1);
     CHECK(traffic(fixture, Traffic::control).bytes ==
           2 * sizeof(messages::Header) + (hand_overs != 0 ? 2 : 1) * sizeof(messages::FrameEndRecord));
+  }
+}
+
+TEST_CASE("where no node may be lost, the server reads next hosts in the memory of the nodes") {
+  for (const bool may_be_lost : {true, false}) {
+    FixtureConfig config = sharing;
+    config.nodes = 12;  // more than are prefetched ahead
+    config.nodes_may_be_lost = may_be_lost;
+    ServerFixture fixture(config);
+    const std::array<NextHostOf, 2> first{{{4, 1}, {9, 11}}};
+    const std::array<NextHostOf, 1> last{{{7, 0}}};
+    fixture.node_contacts(0).report.next_hosts = first;
+    fixture.node_contacts(5).report.next_hosts = first;
+    fixture.state().nodes[5].lost = true;
+    fixture.node_contacts(11).report.next_hosts = last;
+    base::FlatList<NextHostOf> listed;
+    fixture.exchange().list_next_hosts(listed);
+    const std::vector<NextHostOf> all(listed.begin(), listed.end());
+    CHECK(all == (may_be_lost ? std::vector<NextHostOf>{} : std::vector<NextHostOf>{{4, 1}, {9, 11}, {7, 0}}));
   }
 }
 

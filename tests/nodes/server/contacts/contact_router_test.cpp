@@ -134,7 +134,7 @@ TEST_CASE("an object that left its region is handed over to the node that owns i
   Router test;
   const std::uint32_t leaver = test.fixture.add({33, 1, 1}, Endpoint::node(0));
   const std::uint32_t unreported = test.fixture.add({34, 1, 1}, Endpoint::node(0));
-  test.state().leaving_slots = {leaver};
+  test.state().leaving = {{leaver, 1}};
   test.route();
   CHECK(test.objects().host(leaver) == Endpoint::node(1));
   CHECK(test.objects().host(unreported) == Endpoint::node(0));
@@ -200,7 +200,7 @@ TEST_CASE("if hosts exchange their objects, the server finds their next hosts in
 TEST_CASE("in other deployments the server hands nothing over") {
   Router test({.deployment = Deployment::user_server});
   const std::uint32_t slot = test.fixture.add({34, 1, 1}, Endpoint::server());
-  test.state().leaving_slots = {slot};
+  test.state().leaving = {{slot, 1}};
   test.state().map_change.at_end = true;
   test.router.assign_next_hosts();
   CHECK(test.objects().host(slot).is_server());

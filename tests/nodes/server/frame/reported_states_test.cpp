@@ -22,7 +22,7 @@ TEST_CASE("a node reports the states of its objects and which of them leave its 
   CHECK(test.objects().row(inner).pose.position.x == 2);
   CHECK((test.objects().marks(inner) & inner_mark) != 0);
   CHECK(test.objects().row(leaver).pose.position.x == 33);
-  CHECK(test.state().leaving_slots == std::vector<std::uint32_t>{leaver});
+  CHECK(test.state().leaving == std::vector<NextHostOf>{{leaver, 1}});
   CHECK(test.objects().row(foreign).pose.position.x == 60);
   CHECK(test.refused(Status::not_host) == 1);
   CHECK(test.objects().unnotified().size() == 1);  // only the node needs to know the inner one
