@@ -82,6 +82,7 @@ struct ServerState {
   std::size_t lost_users = 0;             ///< number of connected users that are lost
   std::size_t awaited_users = 0;          ///< number of those from which the frame still needs states
   std::vector<UserNumber> refused_users;  ///< those with refused records in this frame
+  std::size_t state_senders = 0;          ///< CD nodes that have sent states (`node_state`) in this frame
   std::vector<NextHostOf> leaving;        ///< objects that leave their hosts, as these have reported in this frame
   std::vector<HandOver> hand_overs;       ///< of this frame
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received

@@ -26,6 +26,7 @@ bool Cut::begin() {
   if (std::exchange(spawned_many_, false)) {
     states_.release();
   }
+  state_.state_senders = 0;
   state_.leaving.clear();
   state_.hand_overs.clear();
   users_changed_ = false;

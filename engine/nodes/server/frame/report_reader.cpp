@@ -30,8 +30,10 @@ bool& has_completed(PeerSession::Received& received, ReportedStep step) noexcept
 
 void ReportReader::begin() noexcept {
   seen_ = {};
-  missing_.fill(static_cast<std::size_t>(std::count_if(state_.nodes.begin(), state_.nodes.end(),
-                                                       [](const PeerSession& node) { return node.is_active(); })));
+  arrived_ = {};
+  nodes_ = static_cast<std::size_t>(std::count_if(state_.nodes.begin(), state_.nodes.end(),
+                                                  [](const PeerSession& node) { return node.is_active(); }));
+  missing_.fill(nodes_);
 }
 
 void ReportReader::note(const Seen& seen) noexcept {
@@ -46,25 +48,34 @@ void ReportReader::look() {
   load_marks();
 }
 
-// In a frame with a loss every node is looked at: some have completed a step of the detection before, and may not
-// arrive a second time.
 void ReportReader::list() {
   reports_.clear();
   // All that may be listed: how many are new at once depends on when the threads run.
   reports_.reserve(reported_steps * state_.nodes.size());
-  const bool any_lost = !state_.report().lost.empty();
-  const std::size_t groups = (state_.nodes.size() + 63) / 64;
   for (const ReportedStep step :
        {ReportedStep::moved, ReportedStep::published, ReportedStep::tested, ReportedStep::done}) {
-    for (std::size_t group = 0; group < groups; ++group) {
-      std::uint64_t fresh = state_.setup.frame_control->arrived(step, group) & ~seen_[index_of(step)][group];
-      for (fresh = any_lost ? ~std::uint64_t{0} : fresh; fresh != 0; fresh &= fresh - 1) {
-        const auto slot = static_cast<NodeNumber>(group * 64 + static_cast<std::size_t>(std::countr_zero(fresh)));
-        const bool waits = slot < state_.nodes.size() && state_.nodes[slot].is_active() &&
-                           !(any_lost && has_completed(state_.nodes[slot].received, step));
-        if (waits) {
-          reports_.push_back({slot, step, {}});
-        }
+    if (!is_counted(step)) {
+      list(step);
+      continue;
+    }
+    for (std::size_t group = 0; group < groups(); ++group) {
+      arrived_[index_of(step)][group] = state_.setup.frame_control->arrived(step, group);
+    }
+  }
+}
+
+// In a frame with a loss every node is looked at: some have completed a step of the detection before, and may not
+// arrive a second time.
+void ReportReader::list(ReportedStep step) {
+  const bool any_lost = !state_.report().lost.empty();
+  for (std::size_t group = 0; group < groups(); ++group) {
+    std::uint64_t fresh = state_.setup.frame_control->arrived(step, group) & ~seen_[index_of(step)][group];
+    for (fresh = any_lost ? ~std::uint64_t{0} : fresh; fresh != 0; fresh &= fresh - 1) {
+      const auto slot = static_cast<NodeNumber>(group * 64 + static_cast<std::size_t>(std::countr_zero(fresh)));
+      const bool waits = slot < state_.nodes.size() && state_.nodes[slot].is_active() &&
+                         !(any_lost && has_completed(state_.nodes[slot].received, step));
+      if (waits) {
+        reports_.push_back({slot, step, {}});
       }
     }
   }
@@ -124,9 +135,35 @@ void ReportReader::count_kinds() {
   }
 }
 
+// The messages of a run without records are counted as if they had been sent.
+bool ReportReader::accept_counted(ReportedStep step) {
+  std::size_t fresh = 0;
+  for (std::size_t group = 0; group < groups(); ++group) {
+    std::uint64_t& seen = seen_[index_of(step)][group];
+    fresh += static_cast<std::size_t>(std::popcount(arrived_[index_of(step)][group] & ~seen));
+    seen |= arrived_[index_of(step)][group];
+  }
+  missing_[index_of(step)] -= fresh;
+  if (step == ReportedStep::published) {
+    count_empty(MessageType::published, fresh);
+  } else if (fresh != 0 && all(step)) {
+    count_empty(MessageType::node_state, nodes_ - state_.state_senders);
+  }
+  return fresh != 0;
+}
+
+void ReportReader::count_empty(MessageType type, std::size_t messages) noexcept {
+  for (std::size_t i = 0; i < messages; ++i) {
+    statistics_.count_report(type, 0, 0);
+  }
+}
+
 bool ReportReader::accept() {
   const std::uint64_t now = state_.setup.node_deadline_ns != 0 && !reports_.empty() ? telemetry::now_ns() : 0;
   bool any = false;
+  for (const ReportedStep step : {ReportedStep::moved, ReportedStep::published}) {
+    any |= is_counted(step) && accept_counted(step);
+  }
   for (std::size_t i = 0; i < reports_.size() + ahead; ++i) {
     prefetch_report(i);
     PeerSession* const node = behind(i, ahead);

@@ -14,7 +14,8 @@
 namespace ringfence::nodes {
 
 /// Reads what the CD nodes of this process report (StepReport), in each call only what is new: a word for each 64 nodes
-/// says which of them have completed a step.
+/// says which of them have completed a step. Where no node may be lost, these words are all that is read of the steps
+/// that end nothing but a run of messages (`moved`, `published`).
 ///
 /// First come the reports, then the messages that were sent before them: so look() is called before the rings are read,
 /// and accept() after. What a node reports counts like the messages that it replaces.
@@ -45,7 +46,15 @@ class ReportReader {
   };
 
   static std::size_t index_of(ReportedStep step) noexcept { return static_cast<std::size_t>(step) - 1; }
+  /// Whether a bit of a node says all of this step: it is that of a node of this frame, and has no content.
+  bool is_counted(ReportedStep step) const noexcept {
+    return !state_.setup.nodes_may_be_lost && (step == ReportedStep::moved || step == ReportedStep::published);
+  }
   void list();
+  void list(ReportedStep step);
+  bool accept_counted(ReportedStep step);
+  void count_empty(messages::MessageType type, std::size_t messages) noexcept;
+  std::size_t groups() const noexcept { return (state_.nodes.size() + 63) / 64; }
   void load_marks();
   void prefetch_report(std::size_t i) const noexcept;
   /// The node of the i-th report before the one at `at`; null if there is none.
@@ -65,8 +74,10 @@ class ReportReader {
   NodeResults& results_;
   Statistics& statistics_;
   std::array<FrameControl::Members, reported_steps> seen_{};  ///< accepted in this frame
+  std::size_t nodes_ = 0;                                     ///< that take part in the frame
   std::array<std::size_t, reported_steps> missing_{};         ///< by step: number of nodes of which none is accepted
-  base::FlatList<Seen> reports_;                              ///< of the last look()
+  std::array<FrameControl::Members, 2> arrived_{};            ///< at the last look(), of the steps that are counted
+  base::FlatList<Seen> reports_;                              ///< of the last look(), of the others
 };
 
 /// What PeerSession::Received says of a step.

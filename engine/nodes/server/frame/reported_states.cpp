@@ -32,6 +32,7 @@ void ReportedStates::prefetch_object(const messages::MessageView& message, std::
 }
 
 void ReportedStates::receive(PeerSession& node, const messages::MessageView& message) {
+  state_.state_senders += node.received.bytes == 0 ? 1 : 0;
   node.received.bytes += message.header().bytes;
   const std::uint64_t start = telemetry::now_ns();
   const bool nodes_keep_states = states_.nodes_keep_states();
