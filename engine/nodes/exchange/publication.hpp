@@ -34,7 +34,8 @@ using PublishedState = SeenState;
 /// each state once, in that order, and the boxes. Any order is correct; a good one has small boxes, so that a reader
 /// lists few states that are not near. An entry that has another object than in the frame before is new: new entries
 /// follow behind the others, sorted among themselves. An entry without a state leaves its leaf, which becomes smaller,
-/// so that the others stay in theirs. When boxes have grown too much, all are sorted (MedianSplits).
+/// so that the others stay in theirs. When boxes have grown too much, all are sorted (MedianSplits), in a frame whose
+/// number is a multiple of eight.
 ///
 /// Cost: 4 ns a state and frame, and 40 to 75 ns to sort it. Readers copy nothing and write no cache line, so they do
 /// not disturb each other.

@@ -185,6 +185,30 @@ TEST_CASE("objects that leave do not make readers list more of the others that a
   CHECK(left < 1.1 * sorted);
 }
 
+TEST_CASE("publications whose objects move are sorted again in frames whose number is a multiple of eight only") {
+  for (const std::uint64_t first : {std::uint64_t{1}, std::uint64_t{6}, std::uint64_t{11}}) {
+    CAPTURE(first);
+    Table table(40, first);
+    Publication publication(0, 4);
+    table.resize(4000);
+    std::vector<std::uint32_t> order;
+    std::size_t sorted = 0;
+    for (std::uint64_t frame = first; frame < 100; ++frame) {
+      CAPTURE(frame);
+      table.move(~std::size_t{0});
+      table.publish(publication, frame);
+      const std::vector<std::uint32_t> now(publication.entries().begin(), publication.entries().end());
+      if (frame % 8 == 0) {
+        sorted += now == order ? 0 : 1;
+      } else if (frame != first) {
+        REQUIRE(now == order);
+      }
+      order = now;
+    }
+    CHECK(sorted > 1);
+  }
+}
+
 TEST_CASE("a publication of which most objects have left has few leaves") {
   Table table(40, 13);
   Publication publication(0, 2);
