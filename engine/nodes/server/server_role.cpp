@@ -196,7 +196,7 @@ bool ServerRole::advance_stage() {
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
         statistics_.charge(Stage::notify);
-        // The nodes are still testing, or this is the time to wait for them.
+        // While the nodes test, so that it does not lengthen the frame.
         router_.list_next_hosts();
         scheduler_.plan();
         statistics_.charge_cpu(&PathReport::plan_map_ms);

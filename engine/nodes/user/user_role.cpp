@@ -49,7 +49,8 @@ bool UserRole::send_states(link::Sender& server, messages::RunSender& run) const
   return run.pump(server, {MessageType::state_update, Endpoint::user(user_), Endpoint::server(), host_.frame(), 0},
                   sizeof(messages::StateRecord) + state_bytes, traffic, [&](std::size_t i, std::byte* where) {
                     const Hosted& object = host_[changed[i]];
-                    const messages::StateRecord record{object.object, object.pose};
+                    messages::StateRecord record{object.object, object.pose};
+                    record.object.flags &= messages::flag_present | messages::flag_jumped;
                     std::memcpy(where, &record, sizeof record);
                     std::copy_n(host_.state(changed[i]), state_bytes, where + sizeof record);
                   });
