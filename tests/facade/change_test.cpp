@@ -104,7 +104,8 @@ TEST_CASE("an object that is changed before its first frame is one that was spaw
                         .layer = i % 5 == 0 ? std::uint8_t{1} : std::uint8_t{0}};
         spec.group = i % 7;
         spec.user = category == Category::avatar ? user : no_user;
-        spec.pose.position = {1.0 + i % 4 * 2, 1.0 + i / 4 % 4 * 2, 1.0 + i / 16 * 2};
+        const std::uint32_t x = i % 4 * 2, y = i / 4 % 4 * 2, z = i / 16 * 2;
+        spec.pose.position = {1.0 + x, 1.0 + y, 1.0 + z};
         const ObjectSpec wanted = spec;
         if (changed) {
           spec.shape = shapes[1 - i % 2];
@@ -153,7 +154,8 @@ TEST_CASE("an object that moves for the first time, also in the frame in which i
     std::vector<ObjectId> ids;
     for (ObjectNumber i = 0; i < 120; ++i) {
       ObjectSpec spec{.number = i + 1, .shape = i % 2 == 0 ? ball : box};
-      spec.pose.position = {1.0 + i % 8 * 2, 3.0 + i / 8 % 5 * 2.3, 1.0 + i / 40 * 6};
+      const std::uint32_t x = i % 8, y = i / 8 % 5, z = i / 40;
+      spec.pose.position = {1.0 + 2.0 * x, 3.0 + 2.3 * y, 1.0 + 6.0 * z};
       ids.push_back(world.spawn(spec).id);
     }
     std::vector<std::uint64_t> prints;
