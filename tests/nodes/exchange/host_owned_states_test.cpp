@@ -18,6 +18,7 @@ class ScriptedModel : public MotionModel {
  public:
   explicit ScriptedModel(std::vector<double> places, bool has_state = true)
       : places_(std::move(places)), has_state_(has_state) {}
+  double place(std::size_t frame) const { return places_[frame]; }
   std::size_t state_bytes() const noexcept override { return has_state_ ? 8 : 0; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -94,24 +95,31 @@ TEST_CASE("a node reports an object to the server when it arrives, comes to rest
   }
 }
 
-TEST_CASE("where no node may be lost, an object is reported when it appears, not when it rests or changes its host") {
-  const std::vector<double> places = {4, 5, 6, 6, 6, 7, 31.5, 31.5, 33.5, 33.5, 34};
-  const ScriptedModel model(places);
+/// Where no node may be lost, moves an object as the model says, and checks where it is and that only the first frame
+/// reports it, so many times.
+void follow_without_losses(const ScriptedModel& model, std::size_t frames, std::size_t reported_first) {
   HarnessConfig config = stage(model);
   config.nodes_may_be_lost = false;
   TestHarness harness(config);
   const ObjectId id = harness.spawn(ball_at(harness, 3));
-  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+  const auto host_at = [](double x) { return Endpoint::node(x > 32 ? 1 : 0); };
+  for (std::size_t frame = 0; frame < frames; ++frame) {
     CAPTURE(frame);
     harness.frame();
-    const bool appears = frame == 0, leaves = places[frame] == 33.5 && places[frame - 1] != 33.5;
-    CHECK(reported(harness).size() == (appears ? 1 : 0));
-    CHECK(harness.report().handed_over == (leaves ? 1 : 0));
-    CHECK(harness.table().host(harness.table().find(id.number())) == Endpoint::node(places[frame] > 32 ? 1 : 0));
-    CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
-    CHECK(harness.report().moved == (frame > 0 && places[frame] == places[frame - 1] ? 0 : 1));
+    const double x = model.place(frame), before = frame == 0 ? 3 : model.place(frame - 1);
+    const std::uint32_t slot = harness.table().find(id.number());
+    CHECK(reported(harness).size() == (frame == 0 ? reported_first : 0));
+    CHECK(harness.report().moved == (frame == 0 || x != before ? 1 : 0));
+    CHECK(harness.report().handed_over == (host_at(x) == host_at(before) ? 0 : 1));
+    CHECK(harness.table().host(slot) == host_at(x));
+    CHECK(harness.server().pose(slot).position.x == x);
     harness.require_one_host_each();
   }
+}
+
+TEST_CASE("where no node may be lost, an object is reported when it appears, not when it rests or changes its host") {
+  const std::vector<double> places = {4, 5, 6, 6, 6, 7, 31.5, 31.5, 33.5, 33.5, 34};
+  follow_without_losses(ScriptedModel(places), places.size(), 1);
 }
 
 TEST_CASE("where no node may be lost, an object that first rests is not reported when it moves") {
@@ -119,20 +127,7 @@ TEST_CASE("where no node may be lost, an object that first rests is not reported
   for (const double first : {5.0, 31.5, 33.5}) {
     CAPTURE(first);
     const std::vector<double> places = {3, 3, 3, first, first, first + 1, 40};
-    const ScriptedModel model(places, false);
-    HarnessConfig config = stage(model);
-    config.nodes_may_be_lost = false;
-    TestHarness harness(config);
-    const ObjectId id = harness.spawn(ball_at(harness, 3));
-    for (std::size_t frame = 0; frame < places.size(); ++frame) {
-      CAPTURE(frame);
-      harness.frame();
-      CHECK(reported(harness).empty());
-      CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
-      CHECK(harness.report().moved == (frame == 0 || places[frame] != places[frame - 1] ? 1 : 0));
-      CHECK(harness.table().host(harness.table().find(id.number())) == Endpoint::node(places[frame] > 32 ? 1 : 0));
-      harness.require_one_host_each();
-    }
+    follow_without_losses(ScriptedModel(places, false), places.size(), 0);
   }
 }
 
