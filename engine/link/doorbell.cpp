@@ -76,12 +76,11 @@ void ThreadAtomics::remove_waiting_thread() noexcept { waiting_threads.fetch_sub
 SpinPolicy ThreadAtomics::spin_policy() noexcept {
   static const int cores = usable_cores();
   // If there are more threads than cores, the awaited thread may need this core, so the thread polls only briefly.
-  // Otherwise polling costs less than sleeping. It does not yield then: it would stay in the queue of its core, and when
-  // it is rung, wait there for the slice of the thread that it has yielded to, while another core may be idle.
+  // Otherwise polling costs less than sleeping.
   const bool oversubscribed = waiting_threads.load(std::memory_order_relaxed) > cores;
   // If oversubscribed, the condition is tested only after a ring: to test it, a server or user thread polls up to a
   // hundred channels, on a core that the awaited thread needs.
-  return oversubscribed ? SpinPolicy{20, 0, 0, true} : SpinPolicy{2000, 3, 100};
+  return oversubscribed ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
 }
 
 void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {
