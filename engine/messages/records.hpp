@@ -43,9 +43,9 @@ enum ObjectFlag : std::uint32_t {
   /// object is not host-owned in that frame.
   flag_jumped = 256,
   flag_placed = 512,  ///< in no message: a host has placed the object for the server, and has not moved it since
-  /// In no message: the server has sent the object to its host, and the host has not moved it since.
+  /// In no message: the host has adopted the object from the server, and has not moved it since.
   flag_adopted = 1024,
-  /// In no message: the same until the cut of this frame. So the server sends the object to the nodes in this frame.
+  /// In no message: the object had flag_adopted before this frame's move, so the server sends it to the nodes too.
   flag_renewed = 2048,
 };
 

@@ -144,7 +144,7 @@ class WakingModel : public MotionModel {
   }
 };
 
-TEST_CASE("an object that moves for the first time, also in the frame in which it is changed, is where it is moved") {
+TEST_CASE("objects that move for the first time, also in the frame of a change, are the same in every deployment") {
   WorldConfig base = layered();
   base.motion = std::make_shared<WakingModel>();
   std::vector<std::uint64_t> expected;

@@ -99,7 +99,8 @@ void Mover::place(const Placing& moved) {
   // update too, and knows from the bounds which other nodes received one.
   const std::uint32_t jumped = moved.object.object.flags & messages::flag_jumped;
   const bool keeps = keeps_ && moved.present && jumped == 0 && ((inner && staying) || within);
-  // All nodes that know the object have it as this node does, so it is as if it had been host-owned and had rested.
+  // The state becomes host-owned. Unless the server sends the object in this frame, all nodes that know it have the
+  // same entry, as if its state had been host-owned while it rested.
   const bool begins = keeps && !moved.was_host_owned && lists_next_hosts_ && moved.was != RegionObjects::none &&
                       (moved.object.object.flags & messages::flag_renewed) == 0;
   const bool owned = moved.was_host_owned || begins;

@@ -72,8 +72,8 @@ void add_leaves(base::FlatList<std::uint32_t>& begins, std::size_t states, std::
 /// axis, and readers read 25 m around, an order lasts for about 50 frames, and readers list 5 % more states than if all
 /// were sorted in each frame. Where objects move so fast that an order is soon bad, it is kept for longer.
 ///
-/// A frame waits for the slowest of several publications, so they are sorted in the same frames: each eighth, and
-/// rather in each 32nd.
+/// A frame waits for the slowest of several publications, so they are sorted in the same frames: only in each eighth,
+/// and in each 32nd already after less growth.
 double most_growth(std::uint64_t frame, std::uint64_t sorted) noexcept {
   constexpr double good_age = 16;
   const auto age = static_cast<double>(std::max<std::uint64_t>(frame - sorted, 1));

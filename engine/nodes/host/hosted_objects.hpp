@@ -88,7 +88,7 @@ class HostedObjects {
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets pose and presence. The next move continues from there. Returns false if the object is not hosted.
   bool place(ObjectNumber number, const Pose& pose, bool present);
-  /// Adopts the objects of an `adopt` or `hand_over` message.
+  /// Adopts the objects of a `hand_over` message.
   void adopt(const messages::MessageView& message);
   /// Applies a message of type adopt, drop or place from the server. Returns false for any other type. Hand-overs come
   /// from CD nodes, and their receiver applies them with adopt().
