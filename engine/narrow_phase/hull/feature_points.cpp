@@ -65,21 +65,29 @@ void make_hull(std::span<const Vec3d> points, const Frame& frame, Polygon& out) 
   if (out.size > 1) --out.size;  // the first point again
 }
 
-/// Clips `subject` by `by`, whose area must not be zero (Sutherland and Hodgman 1974).
-void clip(Polygon& subject, const Polygon& by, Polygon& spare) {
-  for (std::size_t s = 0; s < by.size && subject.size > 0; ++s) {
+/// Two polygons that take turns, so that none is copied: each has 16 KiB, most of it unused.
+struct Spares {
+  Polygon polygons[2];
+};
+
+/// `subject` clipped by `by`, whose area must not be zero (Sutherland and Hodgman 1974).
+const Polygon& clip(const Polygon& subject, const Polygon& by, Spares& spares) {
+  const Polygon* clipped = &subject;
+  for (std::size_t s = 0; s < by.size && clipped->size > 0; ++s) {
     const Point2 from = by.corner[s], side = by.next(s) - from;
-    spare.size = 0;
-    for (std::size_t i = 0; i < subject.size; ++i) {
-      const Point2 p = subject.corner[i], q = subject.next(i);
+    Polygon& next = spares.polygons[s % 2];
+    next.size = 0;
+    for (std::size_t i = 0; i < clipped->size; ++i) {
+      const Point2 p = clipped->corner[i], q = clipped->next(i);
       const double p_left = cross_2d(side, p - from), q_left = cross_2d(side, q - from);
-      if (p_left >= 0) spare.append(p);
+      if (p_left >= 0) next.append(p);
       if ((p_left > 0 && q_left < 0) || (p_left < 0 && q_left > 0)) {
-        spare.append(between(p, q, p_left / (p_left - q_left)));
+        next.append(between(p, q, p_left / (p_left - q_left)));
       }
     }
-    std::swap(subject, spare);
+    clipped = &next;
   }
+  return *clipped;
 }
 
 Point2 middle(const Polygon& polygon) {
@@ -128,20 +136,20 @@ Point2 intersect_segments(const Polygon& p, const Polygon& q) {
   return between(p.corner[0], p.corner[1], 0.5 * (low + high));
 }
 
-Point2 intersect_features(Polygon& p, Polygon& q, Polygon& spare) {
+Point2 intersect_features(const Polygon& p, const Polygon& q, Spares& spares) {
   if (p.size == 1) return p.corner[0];
   if (q.size == 1) return q.corner[0];
   if (p.size == 2 && q.size == 2) return intersect_segments(p, q);
-  Polygon& subject = q.size > 2 ? p : q;
+  const Polygon& subject = q.size > 2 ? p : q;
   const Polygon& by = q.size > 2 ? q : p;
-  Nearest nearest;
-  nearest.corners_to_sides(p, q);
-  nearest.corners_to_sides(q, p);
-  const bool segment = subject.size == 2;
-  const Point2 along = subject.next(0) - subject.corner[0];
-  clip(subject, by, spare);
-  if (subject.size == 0) return nearest.middle;
-  return segment ? middle_along(subject, along) : middle(subject);
+  const Polygon& common = clip(subject, by, spares);
+  if (common.size == 0) {
+    Nearest nearest;
+    nearest.corners_to_sides(p, q);
+    nearest.corners_to_sides(q, p);
+    return nearest.middle;
+  }
+  return subject.size == 2 ? middle_along(common, subject.next(0) - subject.corner[0]) : middle(common);
 }
 
 }  // namespace
@@ -165,10 +173,11 @@ Vec3d common_point(std::span<const Vec3d> first, std::span<const Vec3d> second, 
     }
   }
   const Frame frame(normal);
-  Polygon p, q, spare;
+  Polygon p, q;
+  Spares spares;
   make_hull(first, frame, p);
   make_hull(second, frame, q);
-  const Point2 at = intersect_features(p, q, spare);
+  const Point2 at = intersect_features(p, q, spares);
   return frame.u * at.x + frame.v * at.y;
 }
 
