@@ -63,7 +63,7 @@ class NumberIndex {
 
   /// Stores or replaces the index of `number`. Precondition: number is not 0.
   void set(ObjectNumber number, std::uint32_t index) {
-    if (number >= direct_.size() && number < max_numbers_per_entry * (size() + min_entries)) {
+    if (number >= direct_.size()) {
       grow_direct(number);
     }
     if (number < direct_.size()) {
@@ -110,8 +110,11 @@ class NumberIndex {
 
  private:
   /// The array is extended up to a number that is less than this many times the number of entries. With 16 CD nodes, a
-  /// node stores about 1 in 16 of the world's numbers.
-  static constexpr std::size_t max_numbers_per_entry = 16;
+  /// node stores about 1 in 16 of the world's numbers, and an array that is not extended yet covers 16 times its
+  /// entries.
+  static constexpr std::size_t max_numbers_per_entry = 18;
+  /// It is extended by at least this part, since all numbers of the hash table are then stored again: 1 / 8.
+  static constexpr std::size_t least_growth = 8;
   /// Added to the number of entries in that comparison, so that small tables use the array, too.
   static constexpr std::size_t min_entries = 16;
 
@@ -140,9 +143,14 @@ class NumberIndex {
     }
   }
 
-  // Extends the array up to `number`, and moves the numbers that now have an entry there out of the hash table.
+  // Extends the array beyond `number`, which has no entry in it, if that number is small enough. Moves the numbers that
+  // now have an entry there out of the hash table.
   void grow_direct(ObjectNumber number) {
-    direct_.resize(std::max(number + std::size_t{1}, direct_.capacity()), none);
+    const std::size_t limit = max_numbers_per_entry * (size() + min_entries);
+    if (number >= limit || limit < direct_.size() + direct_.size() / least_growth) {
+      return;
+    }
+    direct_.resize(std::max({number + std::size_t{1}, direct_.capacity(), std::min(limit, 2 * direct_.size())}), none);
     if (size_ == 0) {
       return;
     }
