@@ -62,9 +62,9 @@ struct alignas(link::cache_line_pair_bytes) StepReport {
 /// and each node stores one word when it has completed a step. Between processes each of these is a message. Messages
 /// remain for what has records, which most nodes do not have in most frames.
 ///
-/// A node notes that it has sent messages, so the server reads only the rings of those. Of each 64 nodes the last one
-/// that ends a step wakes the server: a few times a frame, not several times for each node. If a node of 64 does not
-/// end its step, the server finds what the others have reported at its next deadline check.
+/// A node notes that it has sent messages, so the server reads only the rings of those. The last node that ends a step
+/// wakes the server: a few times a frame, not several times for each node. If a node does not end its step, the server
+/// finds what the others have reported at its next deadline check.
 ///
 /// A word and the rings are ordered in both directions: who has loaded a word and then reads the ring finds all
 /// messages that were published before the word was stored.
@@ -89,16 +89,22 @@ class FrameControl {
   /// a bit of the frame before; bits are hints. `eager`: messages wake the server at once, also those that end no step.
   void expect(const Members& members, bool eager) noexcept {
     eager_.store(eager, std::memory_order_relaxed);
-    for (auto& step : gatherings_) {
+    std::uint64_t used = 0;
+    for (std::size_t group = 0; group < groups; ++group) {
+      used |= members[group] != 0 ? std::uint64_t{1} << group : 0;
+    }
+    for (Arrivals& step : arrivals_) {
+      step.all.expect(used);
       for (std::size_t group = 0; group < groups; ++group) {
-        step[group].expect(members[group]);
+        step.by_group[group].expect(members[group]);
       }
     }
   }
   /// By the server, when a node is lost: in this frame each node wakes it, because that node may not arrive.
   void wake_for_each() noexcept {
-    for (auto& step : gatherings_) {
-      for (link::Gathering& group : step) {
+    for (Arrivals& step : arrivals_) {
+      step.all.wake_for_each();
+      for (link::Gathering& group : step.by_group) {
         group.wake_for_each();
       }
     }
@@ -117,7 +123,7 @@ class FrameControl {
   /// By the server: the nodes of a group of 64 slots that have completed a step in this frame, one bit each. A bit is a
   /// hint, since it may be that of a lost node: StepReport::reached says what the node has completed.
   std::uint64_t arrived(ReportedStep step, std::size_t group) const noexcept {
-    return gatherings_[index_of(step)][group].arrived();
+    return arrivals_[index_of(step)].by_group[group].arrived();
   }
   /// By the server: calls visit(slot) for each node that has sent messages since the last call.
   template <class Visit>
@@ -138,7 +144,9 @@ class FrameControl {
   }
   /// By a node, after it has stored StepReport::reached.
   void arrive(NodeNumber slot, ReportedStep step) noexcept {
-    if (gatherings_[index_of(step)][slot / 64].arrive(slot % 64)) {
+    Arrivals& arrivals = arrivals_[index_of(step)];
+    const std::size_t group = slot / 64;
+    if (arrivals.by_group[group].arrive(slot % 64) && arrivals.all.arrive(static_cast<unsigned>(group))) {
       wake_server();
     }
   }
@@ -150,6 +158,12 @@ class FrameControl {
   }
 
  private:
+  /// Who has completed a step.
+  struct Arrivals {
+    std::array<link::Gathering, groups> by_group;  ///< of 64 nodes each
+    link::Gathering all;                           ///< of the groups
+  };
+
   static constexpr std::size_t index_of(ReportedStep step) noexcept { return static_cast<std::size_t>(step) - 1; }
 
   alignas(link::cache_line_pair_bytes) std::atomic<Announced> announced_{};
@@ -157,7 +171,7 @@ class FrameControl {
   std::atomic<bool> eager_{false};
   link::Doorbell* server_bell_ = nullptr;
   alignas(link::cache_line_pair_bytes) SenderSet senders_;
-  std::array<std::array<link::Gathering, groups>, reported_steps> gatherings_;
+  std::array<Arrivals, reported_steps> arrivals_;
 };
 
 }  // namespace ringfence::nodes
