@@ -60,6 +60,7 @@ void NodeContacts::start(std::uint64_t new_frame) {
   user_contacts.clear();
   user_contacts_ending.clear();
   for_peers.clear();
+  summarize();
 }
 
 // Most contacts persist, so equal keys are skipped in runs. The entries of ended contacts are not in the cache; they
@@ -113,6 +114,7 @@ void NodeContacts::unlist(std::span<const std::uint32_t> positions) {
   renumber(border_beginning, positions, [](BorderContact& contact) -> std::uint32_t& { return contact.position; });
   renumber(user_contacts, positions, [](UserContact& contact) -> std::uint32_t& { return contact.position; });
   for_peers.renumber(positions);
+  summarize();
 }
 
 // A contact that persists is in keys_before. The node found it, so no other node did: it ends here, not at a border.

@@ -59,6 +59,16 @@ struct BorderContact {
   std::uint32_t position = 0;  ///< in NodeContacts::keys
 };
 
+/// What the server reads of the contacts of each CD node, in one cache line. The spans refer to the lists of the same
+/// names in NodeContacts.
+struct ContactSummary {
+  std::uint32_t contacts = 0;  ///< number of keys
+  std::uint32_t began = 0;     ///< number of those that are not in keys_before
+  std::span<const BorderContact> border_beginning;
+  std::span<const std::uint64_t> ending, border_ending;
+  std::uint8_t* begun = nullptr;
+};
+
 /// Contacts of one CD node in one frame, in memory shared by all roles of a process. They replace the messages
 /// `collision`, `change`, `correct` and, between nodes, `notify`.
 ///
@@ -95,10 +105,11 @@ struct NodeContacts {
   base::FlatList<FoundContact> found;                  ///< parallel to keys
   base::FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 if the pair was not in contact in the frame before; set
                                        ///< by the node, corrected by the server
-  /// Read by the server, of every node, before it notifies any.
-  alignas(64) base::FlatList<std::uint64_t> keys;  ///< base::PairSort::key, ascending
-  std::uint64_t frame_before = no_frame;           ///< the frame of keys_before
-  base::FlatList<std::uint32_t> beginning;         ///< positions of the keys that are not in keys_before
+  alignas(64) ContactSummary summary;  ///< of the lists below; the server reads it before it notifies any node
+  // Read by the server where it reads more than the summary.
+  base::FlatList<std::uint64_t> keys;       ///< base::PairSort::key, ascending
+  std::uint64_t frame_before = no_frame;    ///< the frame of keys_before
+  base::FlatList<std::uint32_t> beginning;  ///< positions of the keys that are not in keys_before
   /// Those that another node may have found in the frame before, by key.
   base::FlatList<BorderContact> border_beginning;
   base::FlatList<std::uint64_t> ending;         ///< those of keys_before that are not in keys, ascending
@@ -137,9 +148,9 @@ struct NodeContacts {
   /// By the node: clears its part for the frame. The contacts of the frame before are kept, also if a frame is started
   /// twice.
   void start(std::uint64_t new_frame);
-  /// By the node: fills begun, beginning and ending. `was_alone(found)`: no other node can have found this contact in
-  /// the frame before. `is_alone(key, found)`: no other node can have found this contact of the frame before in this
-  /// frame. Both may return false when in doubt; the server then compares the pair.
+  /// By the node: fills begun, beginning, ending and the summary. `was_alone(found)`: no other node can have found this
+  /// contact in the frame before. `is_alone(key, found)`: no other node can have found this contact of the frame before
+  /// in this frame. Both may return false when in doubt; the server then compares the pair.
   template <class WasAlone, class IsAlone>
   void compare(WasAlone was_alone, IsAlone is_alone);
   /// By the server, or by the node when the server says so, after compare(): the contacts at these positions in keys,
@@ -200,12 +211,14 @@ struct NodeContacts {
     base::prefetch_for_read(&frame);
     base::prefetch_for_read(&begun);
   }
-  /// Prefetches what ContactLedger::compare_borders() reads first.
-  void prefetch_summary() const noexcept {
-    base::prefetch_for_read(&keys);
-    base::prefetch_for_read(&beginning);
-    base::prefetch_for_read(&border_ending);
-    base::prefetch_for_write(&output_merge);
+  /// After the lists of the summary have changed.
+  void summarize() noexcept {
+    summary = {static_cast<std::uint32_t>(keys.size()),
+               static_cast<std::uint32_t>(beginning.size()),
+               border_beginning.span(),
+               ending.span(),
+               border_ending.span(),
+               begun.data()};
   }
 
  private:
@@ -268,6 +281,7 @@ void NodeContacts::compare(WasAlone was_alone, IsAlone is_alone) {
       border_ending.push_back(keys_before[position]);
     }
   }
+  summarize();
 }
 
 }  // namespace ringfence::nodes

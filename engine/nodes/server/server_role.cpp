@@ -126,6 +126,15 @@ void ServerRole::detect() {
   dispatch_.start(std::exchange(state_.map_change.updates, UpdateScope::changes), *exchange_);
 }
 
+// Where no node may be lost, all that the next hosts depend on is known when the nodes have moved, unless the map
+// changes.
+void ServerRole::assign_next_hosts_early() {
+  if (exchange_->reads_nodes() && !state_.setup.nodes_may_be_lost && !scheduler_.is_map_due()) {
+    router_.assign_next_hosts();
+    next_hosts_assigned_ = true;
+  }
+}
+
 // Makes one transition of the frame; false if it has to wait.
 bool ServerRole::advance() { return (!failover_.is_pending() || failover_.send()) && advance_stage(); }
 
@@ -199,6 +208,7 @@ bool ServerRole::advance_stage() {
         // While the nodes test, so that it does not lengthen the frame.
         router_.list_next_hosts();
         scheduler_.plan();
+        assign_next_hosts_early();
         statistics_.charge_cpu(&PathReport::plan_map_ms);
       }
       // A user thread publishes after the last states of its user nodes, so on a busy machine the nodes may be faster.
@@ -210,7 +220,9 @@ bool ServerRole::advance_stage() {
       router_.resolve_phases();
       statistics_.charge(Stage::collect);
       scheduler_.change_map();
-      router_.assign_next_hosts();
+      if (!std::exchange(next_hosts_assigned_, false)) {
+        router_.assign_next_hosts();
+      }
       router_.start_nodes();
       statistics_.charge_cpu(&PathReport::collect_ms);
       state_.notify_ns = statistics_.mark_ns();

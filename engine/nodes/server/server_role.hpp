@@ -103,6 +103,7 @@ class ServerRole {
   bool advance();
   bool advance_stage();
   void detect();
+  void assign_next_hosts_early();
   void finish();
 
   // What the parts share.
@@ -120,7 +121,8 @@ class ServerRole {
   ContactRouter router_;
   Failover failover_;
   Deadlines deadlines_;
-  std::uint64_t frames_;  ///< frames begun, also before the world was restored
+  std::uint64_t frames_;              ///< frames begun, also before the world was restored
+  bool next_hosts_assigned_ = false;  ///< in this frame, before the contacts are known
 };
 
 }  // namespace ringfence::nodes

@@ -28,6 +28,13 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
   hand_overs.reserve(setup.capacities.objects);
 }
 
+void ServerState::list_shared_nodes() {
+  shared_nodes.resize(nodes.size());
+  for (std::size_t slot = 0; slot < nodes.size(); ++slot) {
+    shared_nodes[slot] = nodes[slot].is_active() ? nodes[slot].connection.node_contacts : nullptr;
+  }
+}
+
 void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const {
   remaining.clear();
   for (const bool leaves : {false, true}) {

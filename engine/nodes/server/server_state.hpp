@@ -75,7 +75,9 @@ struct ServerState {
   ObjectTable objects;
   Host host;  ///< objects that the server hosts
   ContactLedger ledger;
-  std::vector<PeerSession> nodes;     ///< by slot; a free slot is not connected
+  std::vector<PeerSession> nodes;  ///< by slot; a free slot is not connected
+  /// By slot: what the active CD nodes of this process share; null if the slot has none. From the cut on.
+  std::vector<NodeContacts*> shared_nodes;
   std::vector<PeerSession> users;     ///< by user number
   std::vector<UserNumber> connected;  ///< users, ascending
   std::vector<UserConnection> user_connections;
@@ -110,6 +112,23 @@ struct ServerState {
       all &= !session.is_active() || done(session);
     }
     return all;
+  }
+  /// Lists shared_nodes.
+  void list_shared_nodes();
+  /// Calls visit(slot, node) for each of shared_nodes, and before that prefetch(node): with many nodes what they share
+  /// is in no cache of this core.
+  template <class Prefetch, class Visit>
+  void each_shared_node(Prefetch prefetch, Visit visit) const {
+    constexpr std::size_t ahead = 8;
+    const std::size_t slots = shared_nodes.size();
+    for (std::size_t slot = 0; slot < slots + ahead; ++slot) {
+      if (slot < slots && shared_nodes[slot] != nullptr) {
+        prefetch(*shared_nodes[slot]);
+      }
+      if (slot >= ahead && shared_nodes[slot - ahead] != nullptr) {
+        visit(static_cast<NodeNumber>(slot - ahead), *shared_nodes[slot - ahead]);
+      }
+    }
   }
   /// Calls `send` for the users in a list of their connection that are not lost, from UserConnection::next on, until it
   /// returns false. Returns whether it returned true for all.

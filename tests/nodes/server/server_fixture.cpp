@@ -40,6 +40,7 @@ ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), rel
     state_->report().nodes.emplace_back().id = NodeId(session.id);
   }
   state_->ledger.begin(1);
+  state_->list_shared_nodes();
 }
 
 Connection ServerFixture::connection(Endpoint peer) {

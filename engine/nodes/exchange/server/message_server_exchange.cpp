@@ -169,4 +169,12 @@ void MessageServerExchange::cancel_contacts(NodeNumber node) {
   state_.lost_finders.push_back(node);
 }
 
+void MessageServerExchange::count_records(Statistics& statistics) const noexcept {
+  for (const PeerSession& node : state_.nodes) {
+    if (state_.nodes_host() && node.is_active()) {
+      count(statistics, {ghosts_.to(node.self.number()), contacts_.to(node.self.number())});
+    }
+  }
+}
+
 }  // namespace ringfence::nodes

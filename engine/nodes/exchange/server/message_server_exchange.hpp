@@ -39,12 +39,10 @@ class MessageServerExchange final : public ServerExchange {
     return contacts_.to(node.self.number());
   }
   void cancel_contacts(NodeNumber node) override;
+  void count_records(Statistics& statistics) const noexcept override;
 
  private:
   NodeNumber next_host(std::uint32_t slot, NodeNumber finder) const noexcept;
-  Exchanged exchanged(const PeerSession& node) const noexcept override {
-    return {ghosts_.to(node.self.number()), contacts_.to(node.self.number())};
-  }
 
   DirectRecords ghosts_, contacts_;   ///< of this frame
   std::vector<NodeQueries> answers_;  ///< by slot

@@ -21,16 +21,11 @@ void ServerExchange::start_run(messages::RunSender& run, messages::MessageType t
   messages::count_message(state_.report().traffic, state_.head(type, messages::Endpoint::none()), 0, 0);
 }
 
-void ServerExchange::count_records(Statistics& statistics) const noexcept {
-  for (const PeerSession& node : state_.nodes) {
-    if (state_.nodes_host() && node.is_active()) {
-      const auto [sent, contacts] = exchanged(node);
-      const std::uint64_t ghosts = ghosts_exchanged_ ? sent : 0;
-      state_.report().ghost_updates += ghosts;
-      statistics.count_shared(Traffic::m2, ghosts, sizeof(messages::PositionRecord));
-      statistics.count_shared(Traffic::m4, contacts, sizeof(Contact));
-    }
-  }
+void ServerExchange::count(Statistics& statistics, const Exchanged& exchanged) const noexcept {
+  const std::uint64_t ghosts = ghosts_exchanged_ ? exchanged.ghosts : 0;
+  state_.report().ghost_updates += ghosts;
+  statistics.count_shared(Traffic::m2, ghosts, sizeof(messages::PositionRecord));
+  statistics.count_shared(Traffic::m4, exchanged.contacts, sizeof(Contact));
 }
 
 }  // namespace ringfence::nodes

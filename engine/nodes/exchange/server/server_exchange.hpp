@@ -54,7 +54,7 @@ class ServerExchange {
   /// Sends the region map to a node, in a run that was started; true when it is sent.
   virtual bool send_map(PeerSession& node, messages::RunSender& run) = 0;
   /// At the cut, when it is known which nodes take part in the frame.
-  virtual void expect_nodes() noexcept {}
+  virtual void expect_nodes() {}
   /// All messages that belong to the step have been sent with ServerState::send_to_nodes(): wakes the nodes that do not
   /// know it yet. `reached`: notes when, for each node, unless they are woken together.
   virtual void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached = nullptr) = 0;
@@ -96,7 +96,7 @@ class ServerExchange {
   virtual bool is_reading() const noexcept { return false; }
 
   /// When all nodes have moved: adds what they have listed in StepReport::next_hosts.
-  virtual void list_next_hosts(base::FlatList<NextHostOf>&) const {}
+  virtual void list_next_hosts(base::FlatList<NextHostOf>&) {}
 
   /// After `narrow_done` of a node: all its contacts are in the ledger.
   virtual void receive_contacts(PeerSession& node, Statistics& statistics) = 0;
@@ -108,7 +108,7 @@ class ServerExchange {
   /// A node is lost after the contacts are known. What it has not sent to the others, these get at the next cut.
   virtual void cancel_contacts(NodeNumber) {}
   /// At the end of the frame: counts what nodes have given each other.
-  void count_records(Statistics& statistics) const noexcept;
+  virtual void count_records(Statistics& statistics) const noexcept = 0;
 
  protected:
   /// What was exchanged with one node in this frame.
@@ -117,7 +117,7 @@ class ServerExchange {
   };
 
   ServerExchange(ServerState& state, bool reads_nodes) noexcept : state_(state), reads_nodes_(reads_nodes) {}
-  virtual Exchanged exchanged(const PeerSession& node) const noexcept = 0;
+  void count(Statistics& statistics, const Exchanged& exchanged) const noexcept;
 
   ServerState& state_;
   bool ghosts_exchanged_ = false;  ///< in this frame

@@ -49,11 +49,12 @@ void SharedServerExchange::start_end(PeerSession& node, bool hosts_exchange_obje
                           has_content ? sizeof(messages::FrameEndRecord) : 0, has_content ? 1 : 0);
 }
 
-void SharedServerExchange::expect_nodes() noexcept {
+void SharedServerExchange::expect_nodes() {
+  state_.list_shared_nodes();
   FrameControl::Members members{};
-  for (const PeerSession& node : state_.nodes) {
-    if (node.is_active()) {
-      members[node.self.number() / 64] |= std::uint64_t{1} << node.self.number() % 64;
+  for (std::size_t slot = 0; slot < state_.shared_nodes.size(); ++slot) {
+    if (state_.shared_nodes[slot] != nullptr) {
+      members[slot / 64] |= std::uint64_t{1} << slot % 64;
     }
   }
   state_.setup.frame_control->expect(members, state_.wake_tree == nullptr);
@@ -83,11 +84,15 @@ void SharedServerExchange::announce(AnnouncedStep step, PeerSession::Reached Pee
 void SharedServerExchange::dismiss(PeerSession& node) noexcept {
   // The next announcement is a release store, so a node that sees it sees this too.
   node.connection.node_contacts->report.dismissed.store(true, std::memory_order_relaxed);
+  if (node.self.number() < state_.shared_nodes.size()) {
+    state_.shared_nodes[node.self.number()] = nullptr;
+  }
   state_.setup.frame_control->wake_for_each();
 }
 
 void SharedServerExchange::admit(PeerSession& node) noexcept {
   node.connection.node_contacts->report.dismissed.store(false, std::memory_order_relaxed);
+  state_.shared_nodes[node.self.number()] = node.connection.node_contacts;
 }
 
 void SharedServerExchange::begin_queries() {
@@ -113,10 +118,9 @@ void SharedServerExchange::begin_senses() {
 
 void SharedServerExchange::begin_ghosts(bool exchanged) noexcept {
   ServerExchange::begin_ghosts(exchanged);
-  for (const PeerSession& node : state_.nodes) {
-    if (exchanged && node.connected) {
-      node.connection.node_contacts->ghost_updates.gate.admit();
-    }
+  if (exchanged) {
+    state_.each_shared_node([](NodeContacts& node) { base::prefetch_for_write(&node.ghost_updates.gate); },
+                            [](NodeNumber, NodeContacts& node) { node.ghost_updates.gate.admit(); });
   }
 }
 
@@ -136,27 +140,19 @@ bool SharedServerExchange::is_reading() const noexcept {
          });
 }
 
-void SharedServerExchange::list_next_hosts(base::FlatList<NextHostOf>& next_hosts) const {
+void SharedServerExchange::list_next_hosts(base::FlatList<NextHostOf>& next_hosts) {
   if (state_.setup.nodes_may_be_lost || !state_.hosts_send_ghosts()) {
     return;  // the nodes list none
   }
-  constexpr std::size_t ahead = 4;
-  const std::size_t slots = state_.nodes.size();
-  const auto report_of = [this](std::size_t slot) -> const StepReport* {
-    const PeerSession& node = state_.nodes[slot];
-    return node.is_active() ? &node.connection.node_contacts->report : nullptr;
-  };
-  for (std::size_t slot = 0; slot < slots; ++slot) {
-    if (const StepReport* const report = slot + 2 * ahead < slots ? report_of(slot + 2 * ahead) : nullptr) {
-      base::prefetch_for_read(report);
-    }
-    if (const StepReport* const report = slot + ahead < slots ? report_of(slot + ahead) : nullptr) {
-      base::prefetch_for_read(report->next_hosts.data());
-    }
-    if (const StepReport* const report = report_of(slot)) {
-      for (const NextHostOf& object : report->next_hosts) {
-        next_hosts.push_back(object);
-      }
+  lists_.clear();
+  state_.each_shared_node([](const NodeContacts& node) { base::prefetch_for_read(&node.report); },
+                          [this](NodeNumber, const NodeContacts& node) {
+                            lists_.push_back(node.report.next_hosts);
+                            base::prefetch_for_read(node.report.next_hosts.data());
+                          });
+  for (const std::span<const NextHostOf> list : lists_) {
+    for (const NextHostOf& object : list) {
+      next_hosts.push_back(object);
     }
   }
 }
@@ -164,12 +160,17 @@ void SharedServerExchange::list_next_hosts(base::FlatList<NextHostOf>& next_host
 void SharedServerExchange::receive_contacts(PeerSession& node, Statistics& statistics) {
   NodeContacts& contacts = *node.connection.node_contacts;
   state_.ledger.receive(node.self.number(), contacts);
-  statistics.count_shared(Traffic::m3, contacts.keys.size(), sizeof(messages::CollisionRecord));
+  statistics.count_shared(Traffic::m3, contacts.summary.contacts, sizeof(messages::CollisionRecord));
 }
 
-ServerExchange::Exchanged SharedServerExchange::exchanged(const PeerSession& node) const noexcept {
-  const StepReport& report = node.connection.node_contacts->report;
-  return {report.ghosts, report.taken};
+void SharedServerExchange::count_records(Statistics& statistics) const noexcept {
+  if (!state_.nodes_host()) {
+    return;
+  }
+  state_.each_shared_node([](const NodeContacts& node) { base::prefetch_for_read(&node.report.ghosts); },
+                          [&](NodeNumber, const NodeContacts& node) {
+                            count(statistics, {node.report.ghosts, node.report.taken});
+                          });
 }
 
 }  // namespace ringfence::nodes

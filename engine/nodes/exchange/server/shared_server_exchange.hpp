@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "nodes/exchange/server/server_exchange.hpp"
@@ -18,7 +19,7 @@ class SharedServerExchange final : public ServerExchange {
 
   bool send_map(PeerSession& node, messages::RunSender& run) override;
   void start_end(PeerSession& node, bool hosts_exchange_objects) override;
-  void expect_nodes() noexcept override;
+  void expect_nodes() override;
   void announce(AnnouncedStep step, PeerSession::Reached PeerSession::*reached) override;
   void dismiss(PeerSession& node) noexcept override;
   void admit(PeerSession& node) noexcept override;
@@ -32,16 +33,16 @@ class SharedServerExchange final : public ServerExchange {
   void begin_ghosts(bool exchanged) noexcept override;
   void close_ghost_gates() noexcept override;
   bool is_reading() const noexcept override;
-  void list_next_hosts(base::FlatList<NextHostOf>& next_hosts) const override;
+  void list_next_hosts(base::FlatList<NextHostOf>& next_hosts) override;
   void receive_contacts(PeerSession& node, Statistics& statistics) override;
+  void count_records(Statistics& statistics) const noexcept override;
 
  private:
-  Exchanged exchanged(const PeerSession& node) const noexcept override;
-
   using SentMap = std::unique_ptr<const regions::RegionMap>;
 
-  bool had_queries_ = false;        ///< in the last frame
-  std::vector<SentMap> sent_maps_;  ///< to nodes, in this frame
+  bool had_queries_ = false;                        ///< in the last frame
+  std::vector<std::span<const NextHostOf>> lists_;  ///< of the nodes, in this frame
+  std::vector<SentMap> sent_maps_;                  ///< to nodes, in this frame
   /// The same of earlier frames, in which nodes were lost that may not have read them yet.
   std::vector<SentMap> abandoned_maps_;
 };

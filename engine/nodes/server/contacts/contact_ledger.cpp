@@ -33,7 +33,6 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint3
   ending_order_.reserve_rarely_used(contacts);
   scratch_.reserve(contacts);
   notices_.reserve_rarely_used(contacts);
-  node_contacts_.reserve(nodes);
   endings_.reserve(nodes);
   for (std::size_t i = 0; i < frames; ++i) {
     live_[i].reserve(contacts);
@@ -69,14 +68,20 @@ void ContactLedger::begin(std::uint64_t frame) {
     abandoned_.back().before = std::exchange(now(), {});
     abandoned_.back().ended_before = std::exchange(ended(), {});
   }
-  for (Run& run : runs_) {
+  node_contacts_.resize(runs_.size());
+  summaries_.resize(runs_.size());
+  for (NodeNumber node = 0; node < runs_.size(); ++node) {
+    Run& run = runs_[node];
     // A run whose contacts were shared has none of its own.
     if (std::exchange(run.shared, nullptr) == nullptr) {
       run.own->start(frame);
       run.touches.clear();
       run.ended_at.clear();
+      run.corrections.clear();
     }
     run.complete = false;
+    node_contacts_[node] = run.own.get();
+    summaries_[node] = {};
   }
   if (keeps_two_) {
     now().resize(0);
@@ -161,35 +166,23 @@ void ContactLedger::end_run(NodeNumber node, const ContactObjects& objects) {
   for (const std::uint32_t position : run.own->beginning) {
     run.own->begun[position] = 1;
   }
+  run.own->summarize();
+  take(node, *run.own);
 }
 
 void ContactLedger::resolve_phases() {
-  gather_node_contacts();
   if (deepest_contacts_ != 0) {
     unlist();
   }
-  list_endings();
+  matches_.start();
+  add_summaries();
   end_absent();
   match_borders();
-}
-
-void ContactLedger::gather_node_contacts() {
-  size_ = 0;
-  node_contacts_.clear();
-  for (Run& run : runs_) {
-    NodeContacts& node_contacts = run.node_contacts();
-    node_contacts_.push_back(&node_contacts);
-    base::prefetch_for_read(node_contacts.border_beginning.data());
-    base::prefetch_for_read(node_contacts.border_beginning.end());
-    base::prefetch_for_read(node_contacts.border_ending.data());
-    size_ += node_contacts.keys.size();
-  }
 }
 
 void ContactLedger::unlist() {
   deepest_.rank(deepest_contacts_, node_contacts_);
   unlisted_ = deepest_.size();
-  size_ -= unlisted_;
   for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
     Run& run = runs_[node];
     run.unlisted.clear();
@@ -199,25 +192,19 @@ void ContactLedger::unlist() {
       run.unlisted.push_back({run.own->keys[positions[i]], found.slot_a, found.slot_b});
     }
     node_contacts_[node]->unlist(positions);
+    take(node, *node_contacts_[node]);
   }
 }
 
-void ContactLedger::list_endings() {
-  order_.start(node_contacts_);
-  ending_order_.clear();
+void ContactLedger::add_summaries() {
   endings_.clear();
-  began_ = ends_ = 0;
-  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
-    const NodeContacts& node_contacts = *node_contacts_[node];
-    for (const BorderContact& beginning : node_contacts.border_beginning) {
-      order_.add(node, beginning.position, beginning.key);
-    }
-    for (const std::uint64_t key : node_contacts.border_ending) {
-      ending_order_.add(key);
-    }
-    endings_.push_back(node_contacts.ending.span());
-    began_ += node_contacts.beginning.size();
-    ends_ += node_contacts.ending.size();
+  size_ = began_ = ends_ = 0;
+  for (const ContactSummary& summary : summaries_) {
+    matches_.add_endings(summary.border_ending);
+    endings_.push_back(summary.ending);
+    size_ += summary.contacts;
+    began_ += summary.began;
+    ends_ += summary.ending.size();
   }
 }
 
@@ -235,43 +222,34 @@ void ContactLedger::end_absent() {
   for (std::size_t i = 0; i < old.keys.size(); ++i) {
     if (is_absent(old.found[i].by)) {
       absent_.push_back(old.keys[i]);
-      ending_order_.add(old.keys[i]);
     }
   }
+  matches_.add_endings(absent_.span());
   endings_.push_back(absent_.span());
   ends_ += absent_.size();
 }
 
-// A pair that ended at one node and began at another has moved between them, and persists.
+// A pair that ended at one node and began at another has moved between them, and persists. The phases that are
+// corrected are in memory that other cores have written.
 void ContactLedger::match_borders() {
-  passed_.clear();
-  for (Run& run : runs_) {
-    run.corrections.clear();
+  if (!matches_.prepare()) {
+    return;
   }
-  if (ending_order_.size() == 0) {
-    return;  // in the first frame all contacts begin at a border, and the memory to sort them would stay
+  for (NodeNumber node = 0; node < summaries_.size(); ++node) {
+    matches_.match(node, summaries_[node].border_beginning);
   }
-  order_.sort();
-  ending_order_.sort();
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < ending_order_.size(); ++i) {
-    const std::uint64_t key = ending_order_.key_at(i);
-    while (next < order_.size() && order_.key(next) < key) {
-      ++next;
-    }
-    if (next < order_.size() && order_.key(next) == key) {
-      passed_.push_back(key);
-    }
-    for (; next < order_.size() && order_.key(next) == key; ++next) {
-      const NodeNumber node = order_.node(next);
-      node_contacts_[node]->begun[order_.position(next)] = 0;
-      if (runs_[node].shared == nullptr) {
-        runs_[node].corrections.push_back(order_.position(next));
-      }
-      --began_;
+  matches_.finish();
+  for (const BorderMatches::Match& match : matches_.matches()) {
+    base::prefetch_for_write(summaries_[match.node].begun + match.position);
+  }
+  for (const BorderMatches::Match& match : matches_.matches()) {
+    summaries_[match.node].begun[match.position] = 0;
+    if (runs_[match.node].shared == nullptr) {
+      runs_[match.node].corrections.push_back(match.position);
     }
   }
-  ends_ -= passed_.size();
+  began_ -= matches_.matches().size();
+  ends_ -= matches_.passed().size();
 }
 
 void ContactLedger::share_out() {
@@ -282,15 +260,20 @@ void ContactLedger::share_out() {
                     .shares = keeps_two_ ? std::max<std::size_t>(shares, 1) : 1,
                     .server_writes = !keeps_two_,
                     .endings = endings_,
-                    .passed = passed_.span(),
+                    .passed = matches_.passed(),
                     .keys_before = before().keys.span(),
                     .contacts_before = before().contacts.data()};
   start_output();
   if (shares == 0 && keeps_two_) {
     duplicates_ = write_slice(*output_merge_, 0, scratch_);
   }
+  constexpr std::size_t ahead = 8;
   std::uint32_t share = 0;
-  for (const Run& run : runs_) {
+  for (std::size_t node = 0; node < runs_.size(); ++node) {
+    const Run& run = runs_[node];
+    if (node + ahead < runs_.size()) {
+      base::prefetch_for_write(&node_contacts_[node + ahead]->output_merge);
+    }
     if (run.shared != nullptr) {
       run.shared->output_merge = output_merge_.get();
       run.shared->share = share++;
@@ -335,7 +318,7 @@ void ContactLedger::write_again() {
   old.node_contacts = std::exchange(node_contacts_, {});
   old.endings = std::exchange(endings_, {});
   old.absent = std::exchange(absent_, {});
-  old.passed = std::exchange(passed_, {});
+  old.matches = std::exchange(matches_, {});
   old.now = std::exchange(now(), {});
   old.ended_now = std::exchange(ended(), {});
   start_output();
@@ -352,8 +335,12 @@ bool ContactLedger::complete() {
     if (any_lost_ && std::any_of(runs_.begin(), runs_.end(), is_inside)) {
       return false;
     }
-    for (const Run& run : runs_) {
-      duplicates_ += run.shared != nullptr ? run.shared->report.duplicates : 0;
+    constexpr std::size_t ahead = 8;
+    for (std::size_t node = 0; node < node_contacts_.size(); ++node) {
+      if (node + ahead < node_contacts_.size()) {
+        base::prefetch_for_read(&node_contacts_[node + ahead]->report.duplicates);
+      }
+      duplicates_ += node_contacts_[node]->report.duplicates;  // 0 of a node that sends messages
     }
   }
   if (!keeps_two_) {
@@ -458,7 +445,7 @@ std::span<const ContactNotice> ContactLedger::ended_notices(bool all) {
   std::size_t old = 0;
   for (std::size_t i = 0; i < ending_order_.size(); ++i) {
     const std::uint64_t key = ending_order_.key_at(i);
-    if (!std::binary_search(passed_.begin(), passed_.end(), key)) {
+    if (!std::binary_search(matches_.passed().begin(), matches_.passed().end(), key)) {
       list_ended_notice(key, old);
     }
   }

@@ -9,10 +9,12 @@
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
 #include "base/pair_sort.hpp"
+#include "base/prefetch.hpp"
 #include "messages/records.hpp"
 #include "nodes/exchange/node_contact_order.hpp"
 #include "nodes/exchange/node_contacts.hpp"
 #include "nodes/exchange/output_merge.hpp"
+#include "nodes/server/contacts/border_matches.hpp"
 #include "nodes/server/contacts/deepest_contacts.hpp"
 #include "nodes/server/objects/object_table.hpp"
 #include "ringfence/contact.hpp"
@@ -92,11 +94,13 @@ class ContactLedger {
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
     runs_[node].shared = &node_contacts;
     runs_[node].complete = true;
-    node_contacts.prefetch_summary();
+    take(node, node_contacts);
   }
   /// All contacts and changes of a node that sends them have been received. `objects`: as for receive().
   void end_run(NodeNumber node, const ContactObjects& objects);
-  std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
+  std::size_t received(NodeNumber node) const noexcept {
+    return runs_[node].shared != nullptr ? summaries_[node].contacts : runs_[node].own->keys.size();
+  }
   /// Determines which contacts are listed, and which began and ended. All contacts must have been received. If two
   /// nodes found one pair, which only a bug can cause, its phase may be wrong in this frame and in the next.
   void resolve_phases();
@@ -186,7 +190,8 @@ class ContactLedger {
     std::unique_ptr<OutputMerge> output_merge;
     std::vector<NodeContacts*> node_contacts;
     std::vector<std::span<const std::uint64_t>> endings;
-    base::FlatList<std::uint64_t> absent, passed;
+    base::FlatList<std::uint64_t> absent;
+    BorderMatches matches;
     std::vector<Run> runs;
     List now, ended_now, before, ended_before;
   };
@@ -195,9 +200,15 @@ class ContactLedger {
   List& now() noexcept { return live_[parity(frame_)]; }
   List& ended() noexcept { return ended_[frame_ & 1]; }
   const List& before() const noexcept { return live_[parity(frame_ - 1)]; }
-  void gather_node_contacts();
+  /// All contacts of a node are known.
+  void take(NodeNumber node, NodeContacts& node_contacts) noexcept {
+    node_contacts_[node] = &node_contacts;
+    summaries_[node] = node_contacts.summary;
+    base::prefetch_for_read(summaries_[node].border_beginning.data());
+    base::prefetch_for_read(summaries_[node].border_ending.data());
+  }
   void unlist();
-  void list_endings();
+  void add_summaries();
   void end_absent();
   void match_borders();
   void start_output();
@@ -208,15 +219,16 @@ class ContactLedger {
   void drop_duplicates();
 
   std::vector<Run> runs_;                     ///< by node
-  std::vector<NodeContacts*> node_contacts_;  ///< of this frame, by node
+  std::vector<NodeContacts*> node_contacts_;  ///< by node, from begin() on
+  std::vector<ContactSummary> summaries_;     ///< of these; empty until all contacts of the node are known
   std::uint32_t deepest_contacts_;            ///< 0: no limit
   DeepestContacts deepest_;
   std::size_t unlisted_ = 0;
+  BorderMatches matches_;
   NodeContactOrder order_;
   base::PairSort ending_order_;
   /// Keys of the frame before whose nodes take no part in this frame, ascending.
   base::FlatList<std::uint64_t> absent_;
-  base::FlatList<std::uint64_t> passed_;  ///< keys that ended at one node and were found by another, ascending
   std::vector<std::span<const std::uint64_t>> endings_;                          ///< OutputMerge::endings
   std::unique_ptr<OutputMerge> output_merge_ = std::make_unique<OutputMerge>();  ///< nodes hold its address
   OutputMergeScratch scratch_;

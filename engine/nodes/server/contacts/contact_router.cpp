@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/prefetch.hpp"
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -110,8 +112,11 @@ void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
 }
 
 void ContactRouter::start_nodes() {
+  constexpr std::size_t ahead = 8;
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
   state_.all_nodes([&](PeerSession& node) {
+    const auto left = static_cast<std::size_t>(state_.nodes.data() + state_.nodes.size() - &node);
+    base::prefetch_for_write(&(&node)[std::min(ahead, left - 1)].end_run);
     const std::size_t corrections = exchange_.reads_nodes() ? 0 : state_.ledger.corrections(node.self.number()).size();
     if (corrections != 0) {
       node.closing.correct_run.start(corrections);

@@ -26,14 +26,14 @@ class ContactRouter {
   /// When all nodes have moved: reads what they list of host-owned objects (StepReport::next_hosts).
   void list_next_hosts();
 
-  // In this order, when all nodes have tested their pairs.
-  /// Resolves which contacts are listed, and their phases; starts the output lists.
+  /// When all nodes have tested their pairs: resolves which contacts are listed, and their phases; starts the output
+  /// lists.
   void resolve_phases();
-  /// After the region map of the next frame is known: the hosts of the next frame, and the number of hand-overs that
-  /// each node must expect. In user/collision deployment they follow the poses and the map. The nodes conclude the same
-  /// from their own data.
+  /// After list_next_hosts(), once in a frame, when the region map of the next frame is known: the hosts of the next
+  /// frame, and the number of hand-overs that each node must expect. In user/collision deployment they follow the poses
+  /// and the map. The nodes conclude the same from their own data.
   void assign_next_hosts();
-  /// Starts what notify() sends to the nodes.
+  /// After both: starts what notify() sends to the nodes.
   void start_nodes();
   /// Sends a node what ends its frame: map, unlisted contacts, corrections, and what it gets from other nodes. Sends as
   /// much as the ring takes; true when all is sent.

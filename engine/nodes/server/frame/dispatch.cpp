@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/prefetch.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -126,7 +127,10 @@ void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
 }
 
 void Dispatch::start(UpdateScope scope, const ServerExchange& exchange) {
+  constexpr std::size_t ahead = 8;
   for (NodeNumber slot = 0; slot < nodes_.size(); ++slot) {
+    base::prefetch_object(nodes_[std::min(slot + ahead, nodes_.size() - 1)]);
+    base::prefetch_for_read(&state_.nodes[std::min(slot + ahead, nodes_.size() - 1)]);
     nodes_[slot].updates.clear();
     nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
   }

@@ -31,6 +31,10 @@ class MapScheduler {
   /// While the nodes test and their objects do not move: does one step of planning. Returns false if there was none.
   /// May wait for the map.
   bool plan();
+  /// After plan(): whether change_map() adopts a new map in this frame, unless a node is lost.
+  bool is_map_due() const noexcept {
+    return partition_due_ || (plan_.pass == Plan::Pass::planned && is_for_current_map());
+  }
   /// When the contacts of the frame are known: adopts a new map for the next frame, if one is due, and compares the
   /// costs of the nodes. Sets ServerState::map_change, PeerSession::left and PeerSession::leaving.
   void change_map();

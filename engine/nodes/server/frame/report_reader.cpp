@@ -81,56 +81,51 @@ void ReportReader::list(ReportedStep step) {
   }
 }
 
-// A session and a report are on lines that this core has not had since the last step: reads that depend on each other
-// are prefetched in a pipeline.
+// A session and a report are on lines that this core has not had since the last step.
 void ReportReader::load_marks() {
-  for (std::size_t i = 0; i < reports_.size() + 2 * ahead; ++i) {
-    if (const PeerSession* const node = behind(i, 0)) {
-      base::prefetch_for_read(&node->connection);
-      base::prefetch_for_write(&node->received);
+  if (!state_.setup.nodes_may_be_lost) {
+    return;
+  }
+  for (std::size_t i = 0; i < reports_.size() + ahead; ++i) {
+    if (i < reports_.size()) {
+      base::prefetch_for_read(&state_.shared_nodes[reports_[i].slot]->report.reached);
     }
-    if (const PeerSession* const node = behind(i, ahead)) {
-      base::prefetch_for_read(&node->connection.node_contacts->report.reached);
-    }
-    if (const PeerSession* const node = behind(i, 2 * ahead)) {
+    if (i >= ahead) {
       // Pairs with the store in SharedExchange: what the node has written for this step is visible.
-      reports_[i - 2 * ahead].reached = node->connection.node_contacts->report.reached.load(std::memory_order_acquire);
+      Seen& seen = reports_[i - ahead];
+      seen.reached = state_.shared_nodes[seen.slot]->report.reached.load(std::memory_order_acquire);
     }
   }
 }
 
-void ReportReader::prefetch_report(std::size_t i) const noexcept {
-  const PeerSession* const node = behind(i, 0);
-  if (node == nullptr || !has_reached(reports_[i])) {
+void ReportReader::prefetch_report(const Seen& seen) const noexcept {
+  state_.nodes[seen.slot].prefetch_frame();
+  if (!has_reached(seen)) {
     return;  // the node may be writing it
   }
-  const NodeContacts& contacts = *node->connection.node_contacts;
-  if (reports_[i].step == ReportedStep::tested) {
-    contacts.prefetch_summary();
-  } else if (reports_[i].step == ReportedStep::done) {
+  const NodeContacts& contacts = *state_.shared_nodes[seen.slot];
+  if (seen.step == ReportedStep::tested) {
+    base::prefetch_for_read(&contacts.report.totals);
+    base::prefetch_for_read(&contacts.summary);
+  } else if (seen.step == ReportedStep::done) {
     base::prefetch_object(contacts.report.stats);
   }
 }
 
 void ReportReader::count_kinds() {
-  const std::size_t slots = state_.nodes.size();
-  const auto kinds_of = [this](std::size_t slot) -> const std::span<const messages::KindRecord>* {
-    const PeerSession& node = state_.nodes[slot];
-    return node.is_active() ? &node.connection.node_contacts->report.kinds : nullptr;
-  };
-  for (std::size_t slot = 0; slot < slots; ++slot) {
-    if (const auto* const kinds = slot + 2 * ahead < slots ? kinds_of(slot + 2 * ahead) : nullptr) {
-      base::prefetch_for_read(kinds);
+  kinds_.clear();
+  state_.each_shared_node([](const NodeContacts& node) { base::prefetch_for_read(&node.report.kinds); },
+                          [this](NodeNumber, const NodeContacts& node) { kinds_.push_back(node.report.kinds); });
+  constexpr std::size_t nodes_ahead = 2;
+  for (std::size_t i = 0; i < kinds_.size() + nodes_ahead; ++i) {
+    for (std::size_t k = 0; i < kinds_.size() && k < kinds_[i].size(); ++k) {
+      base::prefetch_for_read(&kinds_[i][k]);
+      base::prefetch_for_read(&kinds_[i][k].timed);
     }
-    if (const auto* const kinds = slot + ahead < slots ? kinds_of(slot + ahead) : nullptr) {
-      for (const messages::KindRecord& kind : *kinds) {
-        base::prefetch_for_read(&kind);
-        base::prefetch_for_read(&kind.timed);
-      }
-    }
-    if (const auto* const kinds = kinds_of(slot)) {
-      statistics_.count_report(MessageType::kinds, kinds->size(), sizeof(messages::KindRecord));
-      results_.add_kinds(*kinds);
+    if (i >= nodes_ahead) {
+      const auto kinds = kinds_[i - nodes_ahead];
+      statistics_.count_report(MessageType::kinds, kinds.size(), sizeof(messages::KindRecord));
+      results_.add_kinds(kinds);
     }
   }
 }
@@ -165,21 +160,23 @@ bool ReportReader::accept() {
     any |= is_counted(step) && accept_counted(step);
   }
   for (std::size_t i = 0; i < reports_.size() + ahead; ++i) {
-    prefetch_report(i);
-    PeerSession* const node = behind(i, ahead);
-    if (node == nullptr || !node->is_active()) {
+    if (i < reports_.size() && state_.shared_nodes[reports_[i].slot] != nullptr) {
+      prefetch_report(reports_[i]);
+    }
+    if (i < ahead || !state_.nodes[reports_[i - ahead].slot].is_active()) {
       continue;
     }
     const Seen& seen = reports_[i - ahead];
-    bool& known = has_completed(node->received, seen.step);
+    PeerSession& node = state_.nodes[seen.slot];
+    bool& known = has_completed(node.received, seen.step);
     if (!known && !may_accept(seen)) {
       continue;
     }
     if (!std::exchange(known, true)) {
       any = true;
-      node->last_received_ns = now;
-      node->probed_ns = 0;
-      accept(*node, seen.step);
+      node.last_received_ns = now;
+      node.probed_ns = 0;
+      accept(node, seen.step);
     }
     note(seen);
   }
@@ -187,6 +184,9 @@ bool ReportReader::accept() {
 }
 
 bool ReportReader::may_accept(const Seen& seen) const noexcept {
+  if (!state_.setup.nodes_may_be_lost) {
+    return true;
+  }
   if (!has_reached(seen)) {
     return false;
   }

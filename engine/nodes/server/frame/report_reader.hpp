@@ -3,6 +3,8 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
@@ -16,6 +18,8 @@ namespace ringfence::nodes {
 /// Reads what the CD nodes of this process report (StepReport), in each call only what is new: a word for each 64 nodes
 /// says which of them have completed a step. Where no node may be lost, these words are all that is read of the steps
 /// that end nothing but a run of messages (`moved`, `published`).
+///
+/// Where a node may be lost, a bit is a hint, and StepReport::reached says what the node has completed.
 ///
 /// First come the reports, then the messages that were sent before them: so look() is called before the rings are read,
 /// and accept() after. What a node reports counts like the messages that it replaces.
@@ -42,7 +46,7 @@ class ReportReader {
   struct Seen {
     NodeNumber slot;
     ReportedStep step;
-    FrameMark<ReportedStep> reached;  ///< what the node had completed at the last look()
+    FrameMark<ReportedStep> reached;  ///< what the node had completed at the last look(), where a node may be lost
   };
 
   static std::size_t index_of(ReportedStep step) noexcept { return static_cast<std::size_t>(step) - 1; }
@@ -56,19 +60,15 @@ class ReportReader {
   void count_empty(messages::MessageType type, std::size_t messages) noexcept;
   std::size_t groups() const noexcept { return (state_.nodes.size() + 63) / 64; }
   void load_marks();
-  void prefetch_report(std::size_t i) const noexcept;
-  /// The node of the i-th report before the one at `at`; null if there is none.
-  PeerSession* behind(std::size_t at, std::size_t by) const noexcept {
-    return at >= by && at - by < reports_.size() ? &state_.nodes[reports_[at - by].slot] : nullptr;
-  }
+  void prefetch_report(const Seen& seen) const noexcept;
   bool has_reached(const Seen& seen) const noexcept {
-    return seen.reached.is_of(state_.frame) && seen.reached.step() >= seen.step;
+    return !state_.setup.nodes_may_be_lost || (seen.reached.is_of(state_.frame) && seen.reached.step() >= seen.step);
   }
   bool may_accept(const Seen& seen) const noexcept;
   void accept(PeerSession& node, ReportedStep step);
   void note(const Seen& seen) noexcept;
 
-  static constexpr std::size_t ahead = 4;
+  static constexpr std::size_t ahead = 6;
 
   ServerState& state_;
   NodeResults& results_;
@@ -78,6 +78,7 @@ class ReportReader {
   std::array<std::size_t, reported_steps> missing_{};         ///< by step: number of nodes of which none is accepted
   std::array<FrameControl::Members, 2> arrived_{};            ///< at the last look(), of the steps that are counted
   base::FlatList<Seen> reports_;                              ///< of the last look(), of the others
+  std::vector<std::span<const messages::KindRecord>> kinds_;  ///< of the nodes, in this frame
 };
 
 /// What PeerSession::Received says of a step.

@@ -18,8 +18,12 @@ void StateRelay::begin() {
   nodes_publish_ =
       is_needed() && state_.nodes_host() && exchange_.reads_nodes() &&
       (state_.setup.placement == Placement::region || state_.report().nodes.size() > state_.setup.max_relayed_nodes);
-  for (PeerSession& node : state_.nodes) {
-    order(node);
+  constexpr std::size_t ahead = 8;
+  for (std::size_t slot = 0; slot < state_.nodes.size(); ++slot) {
+    if (slot + ahead < state_.nodes.size()) {
+      base::prefetch_for_write(state_.nodes[slot + ahead].connection.publication);
+    }
+    order(state_.nodes[slot]);
   }
 }
 

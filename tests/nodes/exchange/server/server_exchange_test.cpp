@@ -77,13 +77,14 @@ TEST_CASE("contacts in shared memory go to the ledger and count like messages") 
   contacts.start(1);
   contacts.keys.push_back(base::PairSort::key(1, 2));
   contacts.keys.push_back(base::PairSort::key(1, 3));
+  contacts.summarize();
   exchange.receive_contacts(fixture.state().nodes[1], statistics);
   CHECK(fixture.state().ledger.received(1) == 2);
   CHECK(traffic(fixture, Traffic::m3).records == 2);
   CHECK(traffic(fixture, Traffic::m3).bytes == 2 * sizeof(messages::CollisionRecord));
   contacts.report.taken = 5;
   fixture.node_contacts(0).report.taken = 7;
-  fixture.state().nodes[0].lost = true;
+  exchange.dismiss(fixture.state().nodes[0]);
   exchange.count_records(statistics);
   CHECK(traffic(fixture, Traffic::m4).records == 5);
 }
@@ -118,7 +119,7 @@ TEST_CASE("where no node may be lost, the server reads next hosts in the memory 
     const std::array<NextHostOf, 1> last{{{7, 0}}};
     fixture.node_contacts(0).report.next_hosts = first;
     fixture.node_contacts(5).report.next_hosts = first;
-    fixture.state().nodes[5].lost = true;
+    fixture.exchange().dismiss(fixture.state().nodes[5]);
     fixture.node_contacts(11).report.next_hosts = last;
     base::FlatList<NextHostOf> listed;
     fixture.exchange().list_next_hosts(listed);

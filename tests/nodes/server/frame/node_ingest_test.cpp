@@ -95,6 +95,7 @@ TEST_CASE("what a node of this process reports is accepted once, and counts like
   test.state().stage = FrameStage::notifying_users;
   test.fixture.node_contacts(1).report.kinds = std::span(&kind, 1);
   test.state().nodes[1].lost = true;
+  test.fixture.exchange().dismiss(test.state().nodes[1]);
   test.nodes.count_kinds();
   test.state().stage = FrameStage::closing;
   for (int times = 0; times < 2; ++times) test.nodes.receive();
