@@ -29,8 +29,8 @@ struct DuplexChannel {
   }
   link::Channel forward;                                ///< from the first role to the second
   link::Channel backward;                               ///< from the second role to the first
-  std::unique_ptr<nodes::NodeContacts> node_contacts;   ///< null: the roles share no contacts
-  std::unique_ptr<nodes::HostPublication> publication;  ///< null: the server publishes what the host has
+  std::shared_ptr<nodes::NodeContacts> node_contacts;   ///< null: the roles share no contacts
+  std::shared_ptr<nodes::HostPublication> publication;  ///< null: the server publishes what the host has
 };
 
 }  // namespace ringfence::facade

@@ -8,12 +8,14 @@
 #include <memory>
 #include <vector>
 
+#include "base/block_pool.hpp"
 #include "facade/results/world_log.hpp"
 #include "facade/threads/inline_roles.hpp"
 #include "facade/threads/worker.hpp"
 #include "facade/threads/worker_starter.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
+#include "nodes/exchange/node_contacts.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/fault_point.hpp"
 #include "nodes/server/server_setup.hpp"
@@ -88,6 +90,8 @@ struct WorldState {
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
   nodes::FrameControl shared_control;
+  base::BlockPool<nodes::NodeContacts> node_contacts;  ///< of the CD nodes of this process, retired ones too
+  base::BlockPool<nodes::HostPublication> publications_of_nodes;
   Halt halt;
   nodes::FaultRelease faults;
   WorldLog log;

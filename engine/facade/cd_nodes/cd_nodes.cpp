@@ -37,12 +37,12 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
                                                  state.server_bell(), bell_of(state, node));
   const bool shares = state.exchange_kind() == nodes::ExchangeKind::shared;
   if (shares) {
-    channel->node_contacts = std::make_unique<nodes::NodeContacts>();
+    channel->node_contacts = state.node_contacts.make(count);
     channel->node_contacts->bell = bell_of(state, node);
   }
   if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
-    channel->publication = std::make_unique<nodes::HostPublication>(
-        NodePool::share_of(config.capacities.objects, count), config.interest, state.kept_frames());
+    channel->publication = state.publications_of_nodes.make(count, NodePool::share_of(config.capacities.objects, count),
+                                                            config.interest, state.kept_frames());
   }
   return pool_channel(channel);
 }
