@@ -38,7 +38,6 @@ void BoxTree::build(const RowOrder& leaves, const BoxConverter& box_of) {
 }
 
 void BoxTree::reserve(std::size_t boxes) {
-  levels_.reserve(max_levels);
   const std::size_t groups = boxes / (tree_width - 1) + max_levels;
   groups_.reserve(groups + groups / 8);  // as lay_out()
 }
@@ -54,11 +53,11 @@ void BoxTree::finish() { fill_levels(all_groups(size_)); }
 
 /// Sets the levels for so many boxes, and the unused lanes of each.
 void BoxTree::lay_out(std::size_t size) {
-  levels_.clear();
+  level_count_ = 0;
   size_ = 0;
   std::size_t groups = 0;
   for (std::size_t nodes = size; nodes != 0; nodes = nodes == 1 ? 0 : groups_of(nodes)) {
-    levels_.push_back(groups);
+    levels_[level_count_++] = groups;
     groups += groups_of(nodes);
     if (nodes <= tree_width) break;
   }
@@ -66,7 +65,7 @@ void BoxTree::lay_out(std::size_t size) {
   // would miss the TLB.
   groups_.reserve(groups + groups / 8);
   groups_.resize(groups);
-  for (std::size_t level = 0; level < levels_.size(); ++level)
+  for (std::size_t level = 0; level < level_count_; ++level)
     groups_[levels_[level] + level_size(level) - 1] = empty_group();
 }
 
@@ -81,8 +80,8 @@ void BoxTree::fill(const RowOrder& leaves, const BoxConverter& box_of, std::span
 /// Sets what is above some groups of leaves.
 void BoxTree::fill_levels(std::span<const std::uint32_t> wanted) {
   cost_ = 0;
-  for (std::size_t level = 1; level < levels_.size(); ++level) fill_level(level, wanted);
-  if (levels_.size() > 1) cost_ = surface_of(1) / static_cast<double>(size_);
+  for (std::size_t level = 1; level < level_count_; ++level) fill_level(level, wanted);
+  if (level_count_ > 1) cost_ = surface_of(1) / static_cast<double>(size_);
 }
 
 double BoxTree::surface_of(std::size_t level) const noexcept {

@@ -1,10 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
@@ -16,6 +16,8 @@ namespace ringfence::queries {
 
 /// Number of children of a node of the tree.
 inline constexpr std::size_t tree_width_log2 = 3, tree_width = 1 << tree_width_log2;
+/// The largest number of levels: 8^10 boxes.
+inline constexpr std::size_t max_levels = 10;
 
 /// The boxes of eight siblings as columns, in metres from the tree's origin. An unused lane has a lower side of
 /// infinity and an upper side of minus infinity.
@@ -74,13 +76,12 @@ class BoxTree {
   static float upper_side(double metres) noexcept { return -lower_side(-metres); }
 
   std::size_t size() const noexcept { return size_; }  ///< number of boxes
-  std::size_t levels() const noexcept { return levels_.size(); }
+  std::size_t levels() const noexcept { return level_count_; }
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
   const BoxGroup* level(std::size_t level) const noexcept { return groups_.data() + levels_[level]; }
 
   /// Loads what a search reads first into the cache. The tree itself is there already.
   void prefetch_top() const noexcept {
-    base::prefetch_for_read(levels_.data());
     if (!groups_.empty()) {
       base::prefetch_object(groups_[groups_.size() - 1]);
     }
@@ -99,7 +100,7 @@ class BoxTree {
  private:
   /// Number of groups of a level.
   std::size_t level_size(std::size_t level) const noexcept {
-    return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
+    return (level + 1 < level_count_ ? levels_[level + 1] : groups_.size()) - levels_[level];
   }
   void build(const RowOrder& leaves, const BoxConverter& box_of);
   void lay_out(std::size_t size);
@@ -112,7 +113,8 @@ class BoxTree {
   std::size_t size_ = 0;
   double cost_ = 0;
   base::FlatList<BoxGroup> groups_;
-  std::vector<std::size_t> levels_;  ///< first group of each level
+  std::size_t level_count_ = 0;
+  std::array<std::size_t, max_levels> levels_{};  ///< first group of each level
 };
 
 inline float BoxTree::lower_side(double metres) noexcept {
@@ -132,8 +134,5 @@ inline void set_box(BoxGroup* groups, std::size_t i, const geometry::CornerBox& 
   group.upper[1][lane] = BoxTree::upper_side(high.y);
   group.upper[2][lane] = BoxTree::upper_side(high.z);
 }
-
-/// The largest number of levels: 8^10 boxes.
-inline constexpr std::size_t max_levels = 10;
 
 }  // namespace ringfence::queries
