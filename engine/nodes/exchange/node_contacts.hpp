@@ -60,13 +60,34 @@ struct BorderContact {
 };
 
 /// What the server reads of the contacts of each CD node, in one cache line. The spans refer to the lists of the same
-/// names in NodeContacts.
+/// names in NodeContacts, or to BorderCopies.
 struct ContactSummary {
   std::uint32_t contacts = 0;  ///< number of keys
   std::uint32_t began = 0;     ///< number of those that are not in keys_before
   std::span<const BorderContact> border_beginning;
   std::span<const std::uint64_t> ending, border_ending;
   std::uint8_t* begun = nullptr;
+};
+
+/// Copies of short lists of contacts at borders. The server reads those of all nodes: of a thousand, each list in
+/// memory of its own would cost it a TLB miss.
+struct BorderCopies {
+  static constexpr std::size_t most = 8;
+  BorderContact beginning[most];
+  std::uint64_t ending[most];
+
+  std::span<const BorderContact> copy(std::span<const BorderContact> list) noexcept { return copy(list, beginning); }
+  std::span<const std::uint64_t> copy(std::span<const std::uint64_t> list) noexcept { return copy(list, ending); }
+
+ private:
+  template <class T>
+  static std::span<const T> copy(std::span<const T> list, T* copies) noexcept {
+    if (list.size() > most) {
+      return list;
+    }
+    std::copy(list.begin(), list.end(), copies);
+    return {copies, list.size()};
+  }
 };
 
 /// Contacts of one CD node in one frame, in memory shared by all roles of a process. They replace the messages
@@ -106,6 +127,7 @@ struct NodeContacts {
   base::FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 if the pair was not in contact in the frame before; set
                                        ///< by the node, corrected by the server
   alignas(64) ContactSummary summary;  ///< of the lists below; the server reads it before it notifies any node
+  BorderCopies border_copies;          ///< the same
   // Read by the server where it reads more than the summary.
   base::FlatList<std::uint64_t> keys;       ///< base::PairSort::key, ascending
   std::uint64_t frame_before = no_frame;    ///< the frame of keys_before
@@ -213,12 +235,14 @@ struct NodeContacts {
   }
   /// After the lists of the summary have changed.
   void summarize() noexcept {
-    summary = {static_cast<std::uint32_t>(keys.size()),
-               static_cast<std::uint32_t>(beginning.size()),
-               border_beginning.span(),
-               ending.span(),
-               border_ending.span(),
-               begun.data()};
+    summary = {static_cast<std::uint32_t>(keys.size()),     static_cast<std::uint32_t>(beginning.size()),
+               border_copies.copy(border_beginning.span()), ending.span(),
+               border_copies.copy(border_ending.span()),    begun.data()};
+  }
+  /// Prefetches what summarize() writes, for reading.
+  void prefetch_summary() const noexcept {
+    base::prefetch_object(summary);
+    base::prefetch_object(border_copies);
   }
 
  private:

@@ -48,7 +48,26 @@ std::set<std::uint64_t> random_keys(std::mt19937_64& random) {
   return keys;
 }
 
+/// The summary says what the lists say, whether it refers to them or to copies.
+void require_summary(const NodeContacts& contacts) {
+  const ContactSummary& summary = contacts.summary;
+  REQUIRE(summary.contacts == contacts.keys.size());
+  REQUIRE(summary.began == contacts.beginning.size());
+  REQUIRE(summary.begun == contacts.begun.data());
+  const auto same_keys = [](std::span<const std::uint64_t> got, std::span<const std::uint64_t> expected) {
+    return std::equal(got.begin(), got.end(), expected.begin(), expected.end());
+  };
+  REQUIRE(same_keys(summary.ending, contacts.ending.span()));
+  REQUIRE(same_keys(summary.border_ending, contacts.border_ending.span()));
+  REQUIRE(summary.border_beginning.size() == contacts.border_beginning.size());
+  for (std::size_t i = 0; i < summary.border_beginning.size(); ++i) {
+    REQUIRE(summary.border_beginning[i].key == contacts.border_beginning[i].key);
+    REQUIRE(summary.border_beginning[i].position == contacts.border_beginning[i].position);
+  }
+}
+
 void require_same(const NodeContacts& got, const NodeContacts& expected) {
+  require_summary(got);
   REQUIRE(copy(got.keys) == copy(expected.keys));
   REQUIRE(copy(got.begun) == copy(expected.begun));
   REQUIRE(copy(got.beginning) == copy(expected.beginning));

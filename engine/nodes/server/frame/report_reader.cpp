@@ -106,7 +106,7 @@ void ReportReader::prefetch_report(const Seen& seen) const noexcept {
   const NodeContacts& contacts = *state_.shared_nodes[seen.slot];
   if (seen.step == ReportedStep::tested) {
     base::prefetch_for_read(&contacts.report.totals);
-    base::prefetch_for_read(&contacts.summary);
+    contacts.prefetch_summary();
   } else if (seen.step == ReportedStep::done) {
     base::prefetch_object(contacts.report.stats);
   }
