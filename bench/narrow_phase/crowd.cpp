@@ -84,6 +84,7 @@ std::vector<geometry::CandidatePair> candidates_of(const Crowd& crowd, const std
 }  // namespace
 
 std::string Side::name() const {
+  if (lies) return "crate";
   if (kind == ShapeKind::hull) return "hull" + std::to_string(vertices);
   if (kind == ShapeKind::mesh && triangles() != 320) return "mesh" + std::to_string(triangles());
   return name_of(kind);
@@ -114,6 +115,33 @@ Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_
   }
 
   crowd.pairs = candidates_of(crowd, crowd.bodies);
+  return crowd;
+}
+
+Crowd make_crates(const Side& side, std::size_t pairs, std::uint64_t seed) {
+  Random random(seed);
+  Crowd crowd{side, side, std::make_unique<geometry::ShapeTable>(), {}, {}};
+  std::vector<float> heights;
+  for (int i = 0; i < shapes_of(side); ++i) {
+    const Vec3f half{uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2)};
+    ConvexHull hull;
+    for (int corner = 0; corner < 8; ++corner) {
+      hull.points.push_back({(corner & 1) != 0 ? half.x : -half.x, (corner & 2) != 0 ? half.y : -half.y,
+                             (corner & 4) != 0 ? half.z : -half.z});
+    }
+    crowd.shapes->add(hull);
+    heights.push_back(half.z);
+  }
+  const auto draw = [&] { return static_cast<ShapeNumber>(random() % heights.size()); };
+  for (std::uint32_t i = 0; i < pairs; ++i) {
+    const ShapeNumber lower = draw(), upper = draw();
+    const float angle = uniform(random, 0, 3), height = heights[lower] + heights[upper] - uniform(random, 0.001, 0.02);
+    const Vec3d place{10.0 * i, 0, 0};
+    const Vec3d above{uniform(random, -0.5, 0.5), uniform(random, -0.5, 0.5), height};
+    crowd.bodies.push_back({{place, {0, 0, 0, 1}}, lower, 2 * i + 1});
+    crowd.bodies.push_back({{place + above, {0, 0, std::sin(angle), std::cos(angle)}}, upper, 2 * i + 2});
+    crowd.pairs.push_back({2 * i, 2 * i + 1});
+  }
   return crowd;
 }
 

@@ -16,9 +16,11 @@ namespace ringfence::narrow_phase_bench {
 struct Side {
   ShapeKind kind = ShapeKind::sphere;
   int vertices = 0;
+  bool lies = false;  ///< hulls with the corners of boxes, each of which lies on another
 
   int triangles() const { return kind == ShapeKind::mesh ? 20 * vertices * vertices : 0; }
-  /// The name in benchmark names: "sphere", "hull32", "mesh" (320 triangles, as in the paper's world), "mesh5120".
+  /// The name in benchmark names: "sphere", "hull32", "crate" (lies), "mesh" (320 triangles, as in the paper's world),
+  /// "mesh5120".
   std::string name() const;
 };
 
@@ -33,6 +35,10 @@ struct Crowd {
 
 /// `objects` objects, distributed evenly over a cube of which they fill 6 %; 64 shapes per side.
 Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed);
+
+/// Pairs of hulls with the corners of boxes: the upper one lies on the lower one, turned about the vertical axis, and
+/// overlaps it by up to 2 cm. Their faces are parallel, as those of objects at rest often are.
+Crowd make_crates(const Side& side, std::size_t pairs, std::uint64_t seed);
 
 /// Bodies and candidates of a crowd in one frame.
 struct Frame {

@@ -20,9 +20,9 @@
 // same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, only those;
 // cold, with the second-level cache emptied before each round; few, ringfence in calls of four pairs; ringfence on each
 // available instruction set; moving, ringfence in a sequence of frames; moving/forgetful, the same without the cache of
-// separating axes. Before a crowd is timed, the implementations are checked to agree on the contacts.
-// narrow/world/<pairs>/ringfence: all candidates, or those of two kinds, of frames of the paper's world, in the order
-// and with the cache misses that a node has.
+// separating axes. narrow/crate_crate: hulls that lie on each other, all in contact. Before a crowd is timed, the
+// implementations are checked to agree on the contacts. narrow/world/<pairs>/ringfence: all candidates, or those of two
+// kinds, of frames of the paper's world, in the order and with the cache misses that a node has.
 
 namespace {
 
@@ -73,7 +73,8 @@ constexpr double allowed_difference = 0.01;
 std::unique_ptr<Comparison> make_comparison(const Side& a, const Side& b) {
   auto result = std::make_unique<Comparison>();
   Comparison& comparison = *result;
-  comparison.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
+  comparison.crowd =
+      a.lies ? make_crates(a, crowd_objects(a, b) / 2, seed) : make_crowd(a, b, crowd_objects(a, b), seed);
   comparison.all.resize(comparison.crowd.pairs.size());
   std::iota(comparison.all.begin(), comparison.all.end(), 0u);
   std::vector<std::uint8_t> expected;
@@ -278,6 +279,10 @@ void add_all_kinds() {
     const Side mesh{ShapeKind::mesh, frequency};
     for (const Side& other : {sphere, box, capsule, hull}) add_all(other, mesh);
     add_all(mesh, mesh);
+  }
+  const Side crate{ShapeKind::hull, 8, true};
+  for (const Implementation& implementation : implementations) {
+    if (implementation.tests(crate, crate)) add(crate, crate, implementation.name, Variant::mix);
   }
   for (const int vertices : {8, 16, 32, 64, 128}) add_all({ShapeKind::hull, vertices}, {ShapeKind::hull, vertices});
 }
