@@ -113,8 +113,8 @@ class NumberIndex {
   /// node stores about 1 in 16 of the world's numbers, and an array that is not extended yet covers 16 times its
   /// entries.
   static constexpr std::size_t max_numbers_per_entry = 18;
-  /// It is extended by at least this part, since all numbers of the hash table are then stored again: 1 / 8.
-  static constexpr std::size_t least_growth = 8;
+  /// It is extended by at least an eighth, since all numbers of the hash table are then stored again.
+  static constexpr std::size_t growth_divisor = 8;
   /// Added to the number of entries in that comparison, so that small tables use the array, too.
   static constexpr std::size_t min_entries = 16;
 
@@ -147,7 +147,7 @@ class NumberIndex {
   // now have an entry there out of the hash table.
   void grow_direct(ObjectNumber number) {
     const std::size_t limit = max_numbers_per_entry * (size() + min_entries);
-    if (number >= limit || limit < direct_.size() + direct_.size() / least_growth) {
+    if (number >= limit || limit < direct_.size() + direct_.size() / growth_divisor) {
       return;
     }
     direct_.resize(std::max({number + std::size_t{1}, direct_.capacity(), std::min(limit, 2 * direct_.size())}), none);

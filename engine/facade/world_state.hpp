@@ -90,8 +90,8 @@ struct WorldState {
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
   nodes::FrameControl shared_control;
-  base::BlockPool<nodes::NodeContacts> node_contacts;  ///< of the CD nodes of this process, retired ones too
-  base::BlockPool<nodes::HostPublication> publications_of_nodes;
+  base::BlockPool<nodes::NodeContacts> node_contacts;             ///< of the CD nodes of this process, retired ones too
+  base::BlockPool<nodes::HostPublication> publications_of_nodes;  ///< the same
   Halt halt;
   nodes::FaultRelease faults;
   WorldLog log;

@@ -68,6 +68,7 @@ struct ContactSummary {
   std::span<const std::uint64_t> ending, border_ending;
   std::uint8_t* begun = nullptr;
 };
+static_assert(sizeof(ContactSummary) <= 64);
 
 /// Copies of short lists of contacts at borders. The server reads those of all nodes: of a thousand, each list in
 /// memory of its own would cost it a TLB miss.

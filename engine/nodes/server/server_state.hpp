@@ -113,6 +113,20 @@ struct ServerState {
     }
     return all;
   }
+  /// The same; calls prefetch(session) for each a few sessions ahead, because those of many nodes are in no cache of
+  /// this core.
+  template <class Prefetch, class Done>
+  bool all_nodes(Prefetch prefetch, Done done) {
+    constexpr std::size_t ahead = 6;
+    bool all = true;
+    for (std::size_t slot = 0; slot < nodes.size() + ahead; ++slot) {
+      if (slot < nodes.size()) {
+        prefetch(nodes[slot]);
+      }
+      all &= slot < ahead || !nodes[slot - ahead].is_active() || done(nodes[slot - ahead]);
+    }
+    return all;
+  }
   /// Lists shared_nodes.
   void list_shared_nodes();
   /// Calls visit(slot, node) for each of shared_nodes, and before that prefetch(node): with many nodes what they share
@@ -222,11 +236,11 @@ struct ServerState {
     if (!wakes_together() || is_waking()) {
       return all_nodes([&](PeerSession& node) { return !has_message(node) || send(node); });
     }
-    constexpr std::size_t ahead = 4;
-    const bool all = all_nodes([&](PeerSession& node) {
-      const auto left = static_cast<std::size_t>(nodes.data() + nodes.size() - &node);
-      base::prefetch_object((&node)[std::min(ahead, left - 1)].begin_run);
-      base::prefetch_for_read(&(&node)[std::min(ahead, left - 1)].connection);
+    const auto prefetch = [](const PeerSession& node) {
+      base::prefetch_object(node.begin_run);
+      base::prefetch_for_read(&node.connection);
+    };
+    const bool all = all_nodes(prefetch, [&](PeerSession& node) {
       if (!has_message(node)) {
         return true;
       }

@@ -13,8 +13,8 @@ namespace ringfence::nodes {
 /// Finds the contacts that ended at one CD node and began at another: these have moved between them, and persist.
 ///
 /// A hash join: few contacts begin or end at a border, and fewer match, so only the matches are sorted. Cost:
-/// proportional to the contacts. Memory: grows to the largest frame, 24 bytes for each that ended at a border. Belongs
-/// to one role.
+/// proportional to the contacts. Memory: grows to the largest frame, 24 to 40 bytes for each that ended at a border.
+/// Belongs to one role.
 class BorderMatches {
  public:
   /// A contact that began, and was found to persist.

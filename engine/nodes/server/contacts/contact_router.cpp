@@ -112,11 +112,9 @@ void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
 }
 
 void ContactRouter::start_nodes() {
-  constexpr std::size_t ahead = 8;
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
-  state_.all_nodes([&](PeerSession& node) {
-    const auto left = static_cast<std::size_t>(state_.nodes.data() + state_.nodes.size() - &node);
-    base::prefetch_for_write(&(&node)[std::min(ahead, left - 1)].end_run);
+  const auto prefetch = [](const PeerSession& node) { base::prefetch_for_write(&node.end_run); };
+  state_.all_nodes(prefetch, [&](PeerSession& node) {
     const std::size_t corrections = exchange_.reads_nodes() ? 0 : state_.ledger.corrections(node.self.number()).size();
     if (corrections != 0) {
       node.closing.correct_run.start(corrections);

@@ -342,15 +342,11 @@ void Cut::list_known_contacts() {
 }
 
 void Cut::start_nodes() {
-  constexpr std::size_t ahead = 6;
-  for (std::size_t slot = 0; slot < state_.nodes.size() + ahead; ++slot) {
-    if (slot < state_.nodes.size()) {
-      state_.nodes[slot].prefetch_frame();
-    }
-    if (slot >= ahead && state_.nodes[slot - ahead].is_active()) {
-      start(state_.nodes[slot - ahead]);
-    }
-  }
+  const auto prefetch = [](const PeerSession& node) { node.prefetch_frame(); };
+  state_.all_nodes(prefetch, [&](PeerSession& node) {
+    start(node);
+    return true;
+  });
 }
 
 // Nothing is written for a user without changes: of many users none is in a cache.

@@ -18,13 +18,11 @@ void StateRelay::begin() {
   nodes_publish_ =
       is_needed() && state_.nodes_host() && exchange_.reads_nodes() &&
       (state_.setup.placement == Placement::region || state_.report().nodes.size() > state_.setup.max_relayed_nodes);
-  constexpr std::size_t ahead = 8;
-  for (std::size_t slot = 0; slot < state_.nodes.size(); ++slot) {
-    if (slot + ahead < state_.nodes.size()) {
-      base::prefetch_for_write(state_.nodes[slot + ahead].connection.publication);
-    }
-    order(state_.nodes[slot]);
-  }
+  const auto prefetch = [](const PeerSession& node) { base::prefetch_for_write(node.connection.publication); };
+  state_.all_nodes(prefetch, [this](PeerSession& node) {
+    order(node);
+    return true;
+  });
 }
 
 void StateRelay::order(PeerSession& node) const noexcept {
