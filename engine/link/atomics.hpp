@@ -160,7 +160,8 @@ struct ThreadAtomics {
   /// A doorbell is constructed or destroyed: one thread more, or less, of this process waits on doorbells.
   static void add_waiting_thread() noexcept;
   static void remove_waiting_thread() noexcept;
-  /// The default policy, from the number of threads that wait on doorbells and the number of cores.
+  /// The default policy for the next wait of this thread, from the number of threads that wait on doorbells, the number
+  /// of cores, and how long the thread's last yields took.
   static SpinPolicy spin_policy() noexcept;
 };
 

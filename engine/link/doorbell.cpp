@@ -14,6 +14,13 @@ namespace {
 
 std::atomic<int> waiting_threads{0};
 
+/// A thread that yields stays in the queue of its core until the threads there have used up their slices, also when
+/// another core becomes idle. A thread that sleeps is woken on an idle core, which takes about 50 us. So after a yield
+/// that took longer than `long_yield`, a thread sleeps without yields in the next `waits_after_long_yield` waits.
+constexpr auto long_yield = std::chrono::milliseconds(1);
+constexpr std::uint32_t waits_after_long_yield = 64;
+thread_local std::uint32_t waits_without_yields = 0;
+
 int usable_cores() noexcept {
   cpu_set_t set;
   // The mask of the process's first thread, not of the calling thread, which may be pinned already.
@@ -67,7 +74,11 @@ void ThreadAtomics::pause() noexcept {
 #endif
 }
 
-void ThreadAtomics::yield() noexcept { sched_yield(); }
+void ThreadAtomics::yield() noexcept {
+  const auto begin = std::chrono::steady_clock::now();
+  sched_yield();
+  if (std::chrono::steady_clock::now() - begin > long_yield) waits_without_yields = waits_after_long_yield;
+}
 
 void ThreadAtomics::add_waiting_thread() noexcept { waiting_threads.fetch_add(1, std::memory_order_relaxed); }
 
@@ -75,12 +86,14 @@ void ThreadAtomics::remove_waiting_thread() noexcept { waiting_threads.fetch_sub
 
 SpinPolicy ThreadAtomics::spin_policy() noexcept {
   static const int cores = usable_cores();
-  // If there are more threads than cores, the awaited thread may need this core, so the thread polls only briefly.
-  // Otherwise polling costs less than sleeping.
   const bool oversubscribed = waiting_threads.load(std::memory_order_relaxed) > cores;
-  // If oversubscribed, the condition is tested only after a ring: to test it, a server or user thread polls up to a
-  // hundred channels, on a core that the awaited thread needs.
-  return oversubscribed ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
+  // With a core for each thread, polling costs less than sleeping.
+  if (!oversubscribed) return {2000, 3, 100};
+  // Otherwise the awaited thread may need this core, so the thread polls only briefly, and tests the condition only
+  // after a ring: to test it, a server or user thread polls up to a hundred channels.
+  const bool yields = waits_without_yields == 0;
+  if (!yields) --waits_without_yields;
+  return {20, yields ? 3u : 0u, 0, true};
 }
 
 void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {

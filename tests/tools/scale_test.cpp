@@ -96,14 +96,14 @@ TEST_CASE("scale runs every combination, with the digests of run") {
   const std::string names = columns("deployment     broad"), kinds = columns("wall time     ");
   REQUIRE(names.size() == kinds.size());
   CHECK(names.find("frame ms") == kinds.find("wall time"));
-  for (const auto& [name, kind] : std::vector<std::pair<std::string, std::string>>{{"server", "CPU"},
-                                                                                   {"node ", "CPU "},
-                                                                                   {"users", "CPU"},
-                                                                                   {"frame ", "modelled "},
-                                                                                   {"speedup", "modelled"},
-                                                                                   {"efficiency", "modelled"},
-                                                                                   {"serial", "modelled"}}) {
-    const std::size_t end = names.rfind(name) + name.size();
+  const std::vector<std::pair<std::string, std::string>> measured{
+      {"server", "CPU"},        {"node", "CPU"},          {"users", "CPU"},
+      {"frame", "modelled"},    {"speedup", "modelled"},  {"efficiency", "modelled"},
+      {"serial", "modelled"},   {"frame", "undisturbed"}, {"speedup", "undisturbed"},
+      {"serial", "undisturbed"}};
+  std::size_t end = names.find("frame ms") + std::string("frame ms").size();
+  for (const auto& [name, kind] : measured) {
+    end = names.find(name, end) + name.size();
     CHECK_MESSAGE(kinds.substr(end - kind.size(), kind.size()) == kind, name);
   }
   CHECK(result.out.find('\r') == std::string::npos);  // no progress line without a terminal
@@ -124,6 +124,9 @@ TEST_CASE("scale runs every combination, with the digests of run") {
     CHECK(each["wall_ms"]["min"] <= each["wall_ms"]["max"]);
     CHECK(each["modelled_ms"]["median"] >= each["server_cpu_ms"]["min"]);
     CHECK(each["modelled_scaling"].is_null() == (each["nodes"] == 0));
+    CHECK(each["undisturbed_ms"]["median"] > 0);
+    CHECK(each["undisturbed_scaling"].is_null() == (each["nodes"] == 0));
+    if (each["nodes"] == 0) CHECK(each["undisturbed_ms"] == each["modelled_ms"]);
   }
 }
 

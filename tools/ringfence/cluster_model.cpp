@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cluster_traffic.hpp"
+#include "medians.hpp"
 #include "messages/records.hpp"
 
 namespace ringfence::tools {

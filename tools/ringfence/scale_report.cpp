@@ -29,22 +29,35 @@ void print_head(std::FILE* out, const ScaleOptions& options, const ScaleResult& 
   fmt::print(
       out,
       "The line below the names of the columns says what each column is:\n"
-      "wall time  measured on the clock: median (minimum to maximum) of the runs; cannot decrease with more threads "
+      "wall time    measured on the clock: median (minimum to maximum) of the runs; cannot decrease with more threads "
       "than\n"
-      "           usable cores\n"
-      "CPU        measured CPU time per frame of the server's thread, the busiest node and the busiest user thread\n"
-      "modelled   computed: CPU time along the critical path of each frame plus {:.3f} ms, the message latency of an "
+      "             usable cores\n"
+      "CPU          measured CPU time per frame of the server's thread, the busiest node and the busiest user thread\n"
+      "modelled     computed: CPU time along the critical path of each frame plus {:.3f} ms, the message latency of an "
       "empty\n"
-      "           frame: the frame time with a core for each thread\n"
-      "w/m        wall / modelled, where there are enough cores to compare them\n"
-      "speedup, efficiency, serial   of the modelled time relative to 1 node; serial: Karp-Flatt fraction\n\n",
+      "             frame: the frame time with a core for each thread\n"
+      "undisturbed  like modelled, but of the median of each step over the frames, for each node by itself: without "
+      "what\n"
+      "             held up single nodes in single frames, such as other load on the machine\n"
+      "w/m          wall / modelled, where there are enough cores to compare them\n"
+      "speedup, efficiency, serial   relative to 1 node; serial: Karp-Flatt fraction\n\n",
       result.hops_ms);
+}
+
+std::string serial_column(const Scaling& scaling, std::uint32_t nodes) {
+  return scaling.known && nodes > 1 ? fmt::format("{:.1f} %", 100 * scaling.serial_fraction) : "-";
 }
 
 std::string scaling_columns(const Scaling& scaling, std::uint32_t nodes) {
   if (!scaling.known) return fmt::format("{:>8} {:>10} {:>8}", "-", "-", "-");
-  const std::string serial = nodes > 1 ? fmt::format("{:.1f} %", 100 * scaling.serial_fraction) : "-";
-  return fmt::format("{:>7.2f}x {:>8.0f} % {:>8}", scaling.speedup, 100 * scaling.efficiency, serial);
+  return fmt::format("{:>7.2f}x {:>8.0f} % {:>8}", scaling.speedup, 100 * scaling.efficiency,
+                     serial_column(scaling, nodes));
+}
+
+std::string undisturbed_columns(const ScaleRow& row) {
+  const Scaling& scaling = row.undisturbed_scaling;
+  const std::string speedup = scaling.known ? fmt::format("{:.2f}x", scaling.speedup) : "-";
+  return fmt::format("{:>11.3f} {:>11} {:>11}", row.undisturbed.median, speedup, serial_column(scaling, row.nodes));
 }
 
 void print_rows(std::FILE* out, const std::vector<ScaleRow>& rows) {
@@ -54,18 +67,20 @@ void print_rows(std::FILE* out, const std::vector<ScaleRow>& rows) {
       objects = row.objects;
       fmt::print(out, "{} objects: {:.0f} candidates and {:.0f} contacts per frame, digest {:016x}\n", row.objects,
                  row.counts().tested, row.counts().contacts, row.digest());
-      constexpr auto columns = "  {:<14} {:<7} {:>5}  {:<26} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>10} {:>8}\n";
+      constexpr auto columns =
+          "  {:<14} {:<7} {:>5}  {:<26} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>10} {:>8} {:>11} {:>11} {:>11}\n";
       fmt::print(out, columns, "deployment", "broad", "nodes", "frame ms", "server", "node", "users", "frame", "w/m",
-                 "speedup", "efficiency", "serial");
+                 "speedup", "efficiency", "serial", "frame", "speedup", "serial");
       fmt::print(out, columns, "", "", "", "wall time", "CPU", "CPU", "CPU", "modelled", "both", "modelled", "modelled",
-                 "modelled");
+                 "modelled", "undisturbed", "undisturbed", "undisturbed");
     }
     const std::string wall = fmt::format("{:.3f} ({:.3f} to {:.3f})", row.wall.median, row.wall.min, row.wall.max);
     const std::string ratio =
         row.cores_suffice ? fmt::format("{:.2f}", row.wall.median / row.modelled.median) : std::string("-");
-    fmt::print(out, "  {:<14} {:<7} {:>5}  {:<26} {:>8.3f} {:>8.3f} {:>8.3f} {:>9.3f} {:>6} {}\n",
+    fmt::print(out, "  {:<14} {:<7} {:>5}  {:<26} {:>8.3f} {:>8.3f} {:>8.3f} {:>9.3f} {:>6} {} {}\n",
                name_of(row.deployment), name_of(row.placement), row.nodes, wall, row.server.median, row.node.median,
-               row.users.median, row.modelled.median, ratio, scaling_columns(row.modelled_scaling, row.nodes));
+               row.users.median, row.modelled.median, ratio, scaling_columns(row.modelled_scaling, row.nodes),
+               undisturbed_columns(row));
   }
   fmt::print(out, "\n");
 }
@@ -86,6 +101,8 @@ Json measures_json() {
           {"imbalance", "CPU time"},
           {"modelled_ms", "modelled"},
           {"modelled_scaling", "modelled"},
+          {"undisturbed_ms", "modelled"},
+          {"undisturbed_scaling", "modelled"},
           {"wall_scaling", "wall time"}};
 }
 
@@ -157,9 +174,11 @@ Json row_json(const ScaleRow& row) {
                {"busiest_node_cpu_ms", range_json(row.node)},
                {"busiest_user_thread_cpu_ms", range_json(row.users)},
                {"modelled_ms", range_json(row.modelled)},
+               {"undisturbed_ms", range_json(row.undisturbed)},
                {"cores_suffice", row.cores_suffice},
                {"imbalance", row.imbalance},
                {"modelled_scaling", scaling_json(row.modelled_scaling)},
+               {"undisturbed_scaling", scaling_json(row.undisturbed_scaling)},
                {"wall_scaling", scaling_json(row.wall_scaling)},
                {"counts",
                 {{"moved", counts.moved},
@@ -247,12 +266,14 @@ void write_scale_csv(OutputFile& out, const ScaleResult& result) {
   out.print(
       "objects,deployment,broad_phase,nodes,runs,wall_ms,wall_min_ms,wall_max_ms,server_cpu_ms,busiest_node_cpu_ms,"
       "busiest_user_thread_cpu_ms,modelled_ms,modelled_min_ms,modelled_max_ms,cores_suffice,imbalance,"
-      "modelled_speedup,modelled_efficiency,modelled_serial_fraction,wall_speedup,candidates,contacts,digest\n");
+      "modelled_speedup,modelled_efficiency,modelled_serial_fraction,wall_speedup,candidates,contacts,digest,"
+      "undisturbed_ms,"
+      "undisturbed_speedup,undisturbed_serial_fraction\n");
   for (const ScaleRow& row : result.rows) {
     const auto scaled = [](const Scaling& scaling, double value) {
       return scaling.known ? fmt::format("{}", value) : std::string();
     };
-    out.print("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:016x}\n", row.objects,
+    out.print("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:016x},{},{},{}\n", row.objects,
               name_of(row.deployment), name_of(row.placement), row.nodes, row.samples.size(), row.wall.median,
               row.wall.min, row.wall.max, row.server.median, row.node.median, row.users.median, row.modelled.median,
               row.modelled.min, row.modelled.max, row.cores_suffice ? 1 : 0, row.imbalance,
@@ -260,7 +281,8 @@ void write_scale_csv(OutputFile& out, const ScaleResult& result) {
               scaled(row.modelled_scaling, row.modelled_scaling.efficiency),
               scaled(row.modelled_scaling, row.modelled_scaling.serial_fraction),
               scaled(row.wall_scaling, row.wall_scaling.speedup), row.counts().tested, row.counts().contacts,
-              row.digest());
+              row.digest(), row.undisturbed.median, scaled(row.undisturbed_scaling, row.undisturbed_scaling.speedup),
+              scaled(row.undisturbed_scaling, row.undisturbed_scaling.serial_fraction));
   }
 }
 

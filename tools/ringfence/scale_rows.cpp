@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "medians.hpp"
+
 namespace ringfence::tools {
 namespace {
 
@@ -47,6 +49,7 @@ void summarise(std::vector<ScaleRow>& rows, double hops_ms, unsigned cores) {
     row.users = over_samples(row, [](const ScaleSample& sample) { return sample.users_ms; });
     const double hops = row.nodes > 0 ? hops_ms : 0;
     row.modelled = over_samples(row, [hops](const ScaleSample& sample) { return sample.path_ms + hops; });
+    row.undisturbed = over_samples(row, [hops](const ScaleSample& sample) { return sample.undisturbed_ms + hops; });
     row.imbalance = over_samples(row, [](const ScaleSample& sample) { return sample.imbalance; }).median;
     // Frames are lock-step: at any time only the server and either the nodes or the users work.
     row.cores_suffice = row.nodes == 0 || 1 + std::max(row.nodes, row.user_threads) <= cores;
@@ -55,6 +58,7 @@ void summarise(std::vector<ScaleRow>& rows, double hops_ms, unsigned cores) {
     const ScaleRow* one = find_row(rows, row, 1);
     if (one == nullptr) continue;
     row.modelled_scaling = scaling_of(one->modelled.median, row.modelled.median, row.nodes);
+    row.undisturbed_scaling = scaling_of(one->undisturbed.median, row.undisturbed.median, row.nodes);
     row.wall_scaling = scaling_of(one->wall.median, row.wall.median, row.nodes);
   }
 }

@@ -35,10 +35,11 @@ struct ScaleRow {
 
   // summarise() computes the following, times in milliseconds.
   Range wall, server, node, users;
-  Range modelled;  ///< CPU time along the critical path plus the message latency of an empty frame
+  Range modelled;     ///< CPU time along the critical path plus the message latency of an empty frame
+  Range undisturbed;  ///< the same for ScaleSample::undisturbed_ms
   double imbalance = 1;
   bool cores_suffice = false;  ///< all concurrent threads have a core, so that wall times show the scaling
-  Scaling modelled_scaling, wall_scaling;
+  Scaling modelled_scaling, undisturbed_scaling, wall_scaling;
 
   const FrameCounts& counts() const { return samples.back().counts; }
   std::uint64_t digest() const { return samples.front().digest; }

@@ -4,6 +4,8 @@
 
 #include "figures.hpp"
 #include "frame_checker.hpp"
+#include "medians.hpp"
+#include "path_samples.hpp"
 #include "worlds/load.hpp"
 
 namespace ringfence::tools {
@@ -12,6 +14,7 @@ namespace {
 /// One value per frame, for medians. Times in milliseconds.
 struct FrameSamples {
   std::vector<double> wall, server, node, users, path;
+  PathSamples steps;
   double busiest_tested = 0;
 
   void add(const FrameReport& report, std::uint32_t node_threads) {
@@ -29,6 +32,7 @@ struct FrameSamples {
     node.push_back(threads ? busiest : 0);
     users.push_back(threads ? report.slowest_user_cpu_ms : 0);
     path.push_back(threads ? report.path.critical_ms() : server.back());
+    steps.add(report);
   }
 };
 
@@ -62,14 +66,6 @@ FrameCounts counts_of(const Job& job, const Figures& figures, double busiest_tes
 
 }  // namespace
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return (*middle + *std::max_element(values.begin(), middle)) / 2;
-}
-
 std::optional<ScaleSample> run_sample(const Job& job, const std::function<bool()>& step) {
   World world(world_config(job));
   worlds::load_into(world, job.scene, job.service.users);
@@ -94,6 +90,7 @@ std::optional<ScaleSample> run_sample(const Job& job, const std::function<bool()
   sample.node_ms = median(samples.node);
   sample.users_ms = median(samples.users);
   sample.path_ms = median(samples.path);
+  sample.undisturbed_ms = job.service.nodes > 0 ? samples.steps.undisturbed().critical_ms() : sample.path_ms;
   sample.imbalance = figures.cpu_imbalance.mean();
   double busy_ms = 0, cpu_ms = 0;
   for (const NodeFigures& node : figures.nodes()) {

@@ -33,11 +33,12 @@ struct FrameCounts {
 /// Results of one run. Times are in milliseconds, medians over its frames unless stated otherwise.
 struct ScaleSample {
   double wall_ms = 0;
-  double server_ms = 0;  ///< CPU time of the server's thread; with nodes = 0 of the only thread
-  double node_ms = 0;    ///< CPU time of the busiest CD node of each frame; 0 with nodes = 0
-  double users_ms = 0;   ///< CPU time of the busiest user thread of each frame; 0 with nodes = 0
-  double path_ms = 0;    ///< PathReport::critical_ms: the critical path without wake-ups
-  double imbalance = 1;  ///< Figures::cpu_imbalance; 1 if the run is too short for it
+  double server_ms = 0;       ///< CPU time of the server's thread; with nodes = 0 of the only thread
+  double node_ms = 0;         ///< CPU time of the busiest CD node of each frame; 0 with nodes = 0
+  double users_ms = 0;        ///< CPU time of the busiest user thread of each frame; 0 with nodes = 0
+  double path_ms = 0;         ///< PathReport::critical_ms: the critical path without wake-ups
+  double undisturbed_ms = 0;  ///< PathReport::critical_ms of PathSamples::undisturbed()
+  double imbalance = 1;       ///< Figures::cpu_imbalance; 1 if the run is too short for it
   // Means over the frames, scaled by the share of their busy time in which nodes had a core.
   double narrow_phase_ms = 0, move_ms = 0;  ///< sums over all nodes
   double broad_phase_ms = 0;                ///< on the server
@@ -49,8 +50,5 @@ struct ScaleSample {
 /// Runs all frames of `job`, warm-up included, and calls `step` after each. If `step` returns false the run ends there,
 /// and there is no result. Throws Error and IncompleteError.
 std::optional<ScaleSample> run_sample(const Job& job, const std::function<bool()>& step);
-
-/// Median of `values`; 0 if there are none.
-double median(std::vector<double> values);
 
 }  // namespace ringfence::tools

@@ -50,6 +50,10 @@ struct NodeReport {
   double query_ms = 0;                ///< wall time of answering queries (World::attach)
   std::uint64_t query_boxes = 0;      ///< of QueryWork, for these queries
   std::uint64_t query_tests = 0;      ///< the same
+  // CPU time of this node in the sums of which PathReport has the largest.
+  double moved_ms = 0;   ///< see PathReport::nodes_moved_ms
+  double tested_ms = 0;  ///< see PathReport::nodes_tested_ms
+  double ended_ms = 0;   ///< see PathReport::nodes_ended_ms
 };
 
 /// Kinds of traffic. m1 to m5 are the messages of the paper (see docs/protocol.md). `state` is the states that CD nodes

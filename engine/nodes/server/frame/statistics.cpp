@@ -202,9 +202,13 @@ void Statistics::charge_path(const PeerSession& node, const messages::NodeFrameS
   raise(path.node_publish_ms, publish_ms);
   raise(path.node_detect_ms, detect_ms);
   raise(path.node_end_ms, end_ms);
-  raise(path.nodes_moved_ms, node.started.ms + move_ms);
-  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + node.wake_ms + detect_ms);
-  raise(path.nodes_ended_ms, node.notified.ms + end_ms);
+  NodeReport& report = state_.report().nodes[node.in_report];
+  report.moved_ms = node.started.ms + move_ms;
+  report.tested_ms = std::max(path.dispatch_ms, publish_ms) + node.wake_ms + detect_ms;
+  report.ended_ms = node.notified.ms + end_ms;
+  raise(path.nodes_moved_ms, report.moved_ms);
+  raise(path.nodes_tested_ms, report.tested_ms);
+  raise(path.nodes_ended_ms, report.ended_ms);
 }
 
 void Statistics::add(const messages::KindRecord& record) {
