@@ -1,7 +1,7 @@
 #pragma once
 
 #include <array>
-#include <map>
+#include <unordered_map>
 #include <vector>
 
 #include "ringfence/frame_report.hpp"
@@ -32,7 +32,7 @@ class PathSamples {
   };
 
   std::array<std::vector<double>, PathReport::steps> steps_;
-  std::map<NodeId, Node> nodes_;
+  std::unordered_map<NodeId, Node> nodes_;
 };
 
 }  // namespace ringfence::tools
