@@ -31,6 +31,7 @@ tools::ScaleRow row_with(std::uint32_t nodes, std::vector<double> path_ms, std::
   for (const double ms : path_ms) {
     tools::ScaleSample sample;
     sample.path_ms = ms;
+    sample.undisturbed_ms = ms / 2;
     sample.wall_ms = 2 * ms;
     sample.digest = digest;
     row.samples.push_back(sample);
@@ -61,6 +62,8 @@ TEST_CASE("summarise computes median and range of the repeats, and whether there
   CHECK(rows[0].wall.median == 4);
   CHECK(rows[1].modelled_scaling.speedup == doctest::Approx(2.5 / 1.5));
   CHECK(rows[1].wall_scaling.speedup == doctest::Approx(2));
+  CHECK(rows[0].undisturbed.median == 1.5);
+  CHECK(rows[1].undisturbed_scaling.speedup == doctest::Approx(1.5));
   CHECK(rows[2].modelled.median == 5);  // one thread: no messages between threads
   CHECK(rows[0].cores_suffice);
   CHECK_FALSE(rows[1].cores_suffice);

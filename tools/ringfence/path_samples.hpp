@@ -15,7 +15,7 @@ namespace ringfence::tools {
 /// cache when another thread took the core. Such delays do not add up to much CPU time, but with hundreds of nodes
 /// one of them has one in every frame.
 ///
-/// Memory: 25 numbers for each frame, and 3 for each node and frame.
+/// Memory: PathReport::steps numbers for each frame, and 3 for each node and frame.
 class PathSamples {
  public:
   void add(const FrameReport& report);

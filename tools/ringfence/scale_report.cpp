@@ -267,8 +267,7 @@ void write_scale_csv(OutputFile& out, const ScaleResult& result) {
       "objects,deployment,broad_phase,nodes,runs,wall_ms,wall_min_ms,wall_max_ms,server_cpu_ms,busiest_node_cpu_ms,"
       "busiest_user_thread_cpu_ms,modelled_ms,modelled_min_ms,modelled_max_ms,cores_suffice,imbalance,"
       "modelled_speedup,modelled_efficiency,modelled_serial_fraction,wall_speedup,candidates,contacts,digest,"
-      "undisturbed_ms,"
-      "undisturbed_speedup,undisturbed_serial_fraction\n");
+      "undisturbed_ms,undisturbed_speedup,undisturbed_serial_fraction\n");
   for (const ScaleRow& row : result.rows) {
     const auto scaled = [](const Scaling& scaling, double value) {
       return scaling.known ? fmt::format("{}", value) : std::string();
