@@ -1,9 +1,9 @@
+#include "path_samples.hpp"
+
 #include <cstdint>
 #include <utility>
 
 #include <doctest/doctest.h>
-
-#include "path_samples.hpp"
 
 namespace ringfence {
 namespace {
