@@ -1,5 +1,6 @@
 # Checks that a module includes only its own headers, public headers, and headers of modules that it uses directly or
-# indirectly.
+# indirectly; that a source file includes its own header first, so that this header compiles on its own; and that each
+# header has an include guard.
 # Arguments: engine, modules (comma separated), uses_MODULE for each of them (comma separated, itself included).
 
 cmake_minimum_required(VERSION 3.25)
@@ -11,7 +12,22 @@ foreach(module ${modules})
   file(GLOB_RECURSE sources ${engine}/${module}/*.hpp ${engine}/${module}/*.cpp)
   foreach(source ${sources})
     math(EXPR files "${files} + 1")
-    file(STRINGS ${source} includes REGEX "^ *#include \"")
+    file(STRINGS ${source} all_includes REGEX "^ *#include ")
+    string(REGEX REPLACE "cpp$" "hpp" header ${source})
+    if(NOT header STREQUAL source AND EXISTS ${header})
+      list(GET all_includes 0 first)
+      file(RELATIVE_PATH expected ${engine} ${header})
+      if(NOT first STREQUAL "#include \"${expected}\"")
+        string(APPEND errors "${source}: the first include is ${first}; expected #include \"${expected}\"\n")
+      endif()
+    elseif(header STREQUAL source AND NOT source MATCHES "-inl\\.hpp$")
+      file(STRINGS ${source} guard REGEX "^#pragma once$")
+      if(NOT guard)
+        string(APPEND errors "${source}: #pragma once is missing\n")
+      endif()
+    endif()
+    set(includes ${all_includes})
+    list(FILTER includes INCLUDE REGEX "^ *#include \"")
     foreach(include ${includes})
       if(include MATCHES "\"([a-z_]+)/")
         set(other ${CMAKE_MATCH_1})
