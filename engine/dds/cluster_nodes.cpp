@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t max_announced = 4 * std::size_t{facade::max_nodes};
 
 /// On one machine: room for what a node sends in a frame without waiting; it sends more than it receives.
-constexpr LinkStream::RingBytes rings{std::size_t{1} << 18, std::size_t{1} << 20};
+constexpr LinkStream::RingBytes node_rings{std::size_t{1} << 18, std::size_t{1} << 20};
 
 /// Milliseconds from one time to a later one; 0 if one of them is unknown.
 double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
@@ -249,7 +249,7 @@ void ClusterNodes::connect(Node& node) {
     return;
   }
   node.connected_ns = now;
-  if (LinkStream link = LinkStream::connect(address, node.incarnation, rings)) {
+  if (LinkStream link = LinkStream::connect(address, node.incarnation, node_rings)) {
     const LinkHello hello{.sender = world_, .receiver = node.incarnation};
     node.parcel_channel = std::make_unique<ParcelChannel>(std::move(link), std::as_bytes(std::span(&hello, 1)));
     node.parcel_channel->report_to(events_, node.incarnation);

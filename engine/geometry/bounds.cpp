@@ -2,18 +2,16 @@
 
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "geometry/outer_steps.hpp"
+#include "geometry/vector.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::geometry {
 namespace {
 
 constexpr double max_step = 4294967295.0;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double side_of(const char* axis, double min, double& max) {
   if (!std::isfinite(min) || !std::isfinite(max) || !std::isfinite(max - min)) {
@@ -35,7 +33,7 @@ double clamp_step(double step) noexcept {
   return positive < max_step ? positive : max_step;
 }
 
-std::uint32_t rounded_up(double step) noexcept {
+std::uint32_t next_step(double step) noexcept {
   const double inside = clamp_step(step);
   const auto whole = static_cast<std::int64_t>(inside);
   return static_cast<std::uint32_t>(whole + (static_cast<double>(whole) < inside ? 1 : 0));
@@ -68,10 +66,9 @@ double FixedSpace::Rows::outer_step(double step) const noexcept {
 }
 
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
-  return {
-      {rounded_down(rows_.step_at(min.x, 0)), rounded_down(rows_.step_at(min.y, 1)),
-       rounded_down(rows_.step_at(min.z, 2))},
-      {rounded_up(rows_.step_at(max.x, 0)), rounded_up(rows_.step_at(max.y, 1)), rounded_up(rows_.step_at(max.z, 2))}};
+  return {{rounded_down(rows_.step_at(min.x, 0)), rounded_down(rows_.step_at(min.y, 1)),
+           rounded_down(rows_.step_at(min.z, 2))},
+          {next_step(rows_.step_at(max.x, 0)), next_step(rows_.step_at(max.y, 1)), next_step(rows_.step_at(max.z, 2))}};
 }
 
 }  // namespace ringfence::geometry

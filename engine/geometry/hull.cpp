@@ -104,11 +104,6 @@ std::size_t vertices_of(std::span<const HullTriangle> triangles) {
   return triangles.size() / 2 + 2;  // Euler's formula for a closed surface of triangles
 }
 
-float rounded_up(double value) {
-  const auto nearest = static_cast<float>(value);
-  return double{nearest} < value ? std::nextafter(nearest, std::numeric_limits<float>::infinity()) : nearest;
-}
-
 }  // namespace
 
 /// Builds the columns of a Hull from a closed surface of triangles and their assignment to faces.

@@ -37,7 +37,7 @@ bool has_area(Vec3f p, Vec3f q, Vec3f r) noexcept {
   return dot(normal, normal) > 0.0;
 }
 
-float rounded_up(double value) noexcept {
+float next_above(double value) noexcept {
   return std::nextafter(static_cast<float>(value), std::numeric_limits<float>::infinity());
 }
 
@@ -67,10 +67,10 @@ Mesh::Mesh(const TriangleMesh& description) {
   if (triangles_.empty()) {
     throw Error("mesh: all " + std::to_string(dropped_) + " triangles have zero area");
   }
-  bounding_radius_ = rounded_up(std::sqrt(radius_squared));
+  bounding_radius_ = next_above(std::sqrt(radius_squared));
   box_centre_ = to_float((low + high) * 0.5);
   const auto half_extent = [](double from, double to, float centre) {
-    return rounded_up(std::max(to - double{centre}, double{centre} - from));
+    return next_above(std::max(to - double{centre}, double{centre} - from));
   };
   box_half_extents_ = {half_extent(low.x, high.x, box_centre_.x), half_extent(low.y, high.y, box_centre_.y),
                        half_extent(low.z, high.z, box_centre_.z)};

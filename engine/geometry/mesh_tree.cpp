@@ -16,7 +16,7 @@ constexpr std::uint32_t fanout = tree_fanout;
 /// With fewer triangles, starting a task costs more than it saves.
 constexpr std::size_t min_task_triangles = 8192;
 
-struct Box {
+struct CornerBox {
   Vec3f low{std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
             std::numeric_limits<float>::infinity()};
   Vec3f high{-std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(),
@@ -26,7 +26,7 @@ struct Box {
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
-  void extend(const Box& box) { extend(box.low), extend(box.high); }
+  void extend(const CornerBox& box) { extend(box.low), extend(box.high); }
 };
 
 /// The sort entry of a triangle: its number and three times its centre.
@@ -79,7 +79,7 @@ Vec3f unit_normal(Vec3f p, Vec3f q, Vec3f r) {
 
 /// Stores the centre and half extents of a box. The half extents are rounded so that they cover the box from the
 /// rounded centre.
-void write(const Box& box, BoxGroup& group, std::size_t lane) {
+void write(const CornerBox& box, BoxGroup& group, std::size_t lane) {
   const float low[3] = {box.low.x, box.low.y, box.low.z}, high[3] = {box.high.x, box.high.y, box.high.z};
   for (std::size_t k = 0; k < 3; ++k) {
     const auto centre = static_cast<float>(0.5 * (double{low[k]} + double{high[k]}));
@@ -122,7 +122,7 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   leaves_.resize(levels_[0].nodes);
   boxes_.assign(groups, no_boxes());
 
-  std::vector<Box> below(levels_[0].nodes);
+  std::vector<CornerBox> below(levels_[0].nodes);
   base::parallel_for(leaves_.size(), min_task_triangles / fanout, [&](std::size_t leaf) {
     for (std::size_t lane = 0; lane < fanout; ++lane) {
       const std::uint32_t number = order[std::min(leaf * fanout + lane, order.size() - 1)].triangle;
@@ -143,7 +143,7 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
     }
   });
   for (const Level& level : levels_) {
-    std::vector<Box> above(groups_of(level.nodes));
+    std::vector<CornerBox> above(groups_of(level.nodes));
     for (std::size_t i = 0; i < level.nodes; ++i) {
       write(below[i], boxes_[level.first_group + i / fanout], i % fanout);
       above[i / fanout].extend(below[i]);

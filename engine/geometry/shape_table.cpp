@@ -41,11 +41,6 @@ void check_coordinate(const char* what, std::size_t index, Vec3f point) {
   }
 }
 
-float rounded_up(double value) {
-  const auto nearest = static_cast<float>(value);
-  return double{nearest} < value ? std::nextafter(nearest, std::numeric_limits<float>::infinity()) : nearest;
-}
-
 ShapeRow row_of(const Sphere& sphere) {
   check_size("sphere radius", double{sphere.radius}, min_thickness / 2);
   return {.size = {sphere.radius, 0, 0}, .bounding_radius = sphere.radius, .kind = ShapeKind::sphere};

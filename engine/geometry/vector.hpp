@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "ringfence/pose.hpp"
 
@@ -9,6 +10,8 @@
 // bits. The operators are in the namespace of their types, so argument-dependent lookup finds them in every module.
 
 namespace ringfence {
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 constexpr Vec3f operator+(Vec3f p, Vec3f q) noexcept { return {p.x + q.x, p.y + q.y, p.z + q.z}; }
 constexpr Vec3f operator-(Vec3f p, Vec3f q) noexcept { return {p.x - q.x, p.y - q.y, p.z - q.z}; }
@@ -34,10 +37,21 @@ constexpr Vec3d to_double(Vec3f p) noexcept { return {double{p.x}, double{p.y}, 
 constexpr Vec3f to_float(Vec3d p) noexcept {
   return {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
 }
+/// `p`, shortened to `length` if it is longer.
+inline Vec3f with_max_length(Vec3f p, float length) noexcept {
+  const float squared = dot(p, p);
+  return squared > length * length ? p * (length / std::sqrt(squared)) : p;
+}
 inline bool is_finite(Vec3f p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 inline bool is_finite(Vec3d p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 namespace geometry {
+
+/// The least float that is not below `value`.
+inline float rounded_up(double value) noexcept {
+  const auto nearest = static_cast<float>(value);
+  return double{nearest} < value ? std::nextafter(nearest, std::numeric_limits<float>::infinity()) : nearest;
+}
 
 /// A rotation matrix from the shape's axes to the world's: row i is world axis i, in the shape's axes.
 template <class T>

@@ -38,11 +38,6 @@ constexpr float rest_speed = 1.0f / 1024.0f;  // metres or radians a frame: a sl
 
 bool is_zero(const Vec3f& p) { return p.x == 0 && p.y == 0 && p.z == 0; }
 
-Vec3f with_max_length(const Vec3f& p, float length) {
-  const float squared = dot(p, p);
-  return squared > length * length ? p * (length / std::sqrt(squared)) : p;
-}
-
 /// The combined effect of all contacts of an object.
 struct Response {
   Vec3f push;  ///< sum of the overlaps beyond the slop, along the normals

@@ -48,19 +48,14 @@ const WalkConfig& checked(const WalkConfig& config) {
   return config;
 }
 
-Vec3f with_max_length(const Vec3f& v, float length) {
-  const float squared = dot(v, v);
-  return squared > length * length ? v * (length / std::sqrt(squared)) : v;
-}
-
 /// What the contacts of an object do to it.
-struct Response {
+struct WalkResponse {
   Vec3f push;      ///< metres
   Vec3f velocity;  ///< m/s
 };
 
-Response respond(const MotionInput& input, Vec3f velocity, float push_speed) {
-  Response response{{}, velocity};
+WalkResponse respond(const MotionInput& input, Vec3f velocity, float push_speed) {
+  WalkResponse response{{}, velocity};
   const bool is_pushed = (input.user_data & gives_way) != 0;
   for (const Contact& contact : input.contacts) {
     Vec3f away = contact.a == input.number ? -contact.normal : contact.normal;
@@ -187,7 +182,7 @@ void Walk::move(std::uint64_t frame, const MotionInput& input, MotionOutput& out
   std::memcpy(&state, input.state, sizeof state);
   const Vec3f wanted = wanted_velocity(frame, input, state);
   const Vec3f change = with_max_length(wanted - state.velocity, config_.acceleration * config_.step);
-  const Response response = respond(input, state.velocity + change, config_.push_speed);
+  const WalkResponse response = respond(input, state.velocity + change, config_.push_speed);
   state.velocity = response.velocity;
   const Vec3f way = response.push + state.velocity * config_.step;
   Vec3d& position = output.pose.position;

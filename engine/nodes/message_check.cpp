@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "geometry/vector.hpp"
 #include "nodes/host/valid_pose.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/object.hpp"
@@ -16,9 +17,6 @@ using messages::MessageView;
 namespace {
 
 constexpr std::uint32_t layers = 32;
-
-bool is_finite(const Vec3d& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-bool is_finite(const Vec3f& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 bool is_valid(const geometry::Bounds& bounds) noexcept {
   return bounds.lower[0] <= bounds.upper[0] && bounds.lower[1] <= bounds.upper[1] && bounds.lower[2] <= bounds.upper[2];

@@ -13,7 +13,7 @@ namespace ringfence::queries {
 namespace {
 
 /// What all builds of a thread need for a while.
-struct Scratch {
+struct SweptScratch {
   std::vector<std::uint32_t> order;
   // In the order of the keys.
   base::FlatList<Stay> stays;
@@ -21,8 +21,8 @@ struct Scratch {
   MedianSplits splits;
 };
 
-Scratch& scratch() {
-  thread_local Scratch mine;
+SweptScratch& swept_scratch() {
+  thread_local SweptScratch mine;
   return mine;
 }
 
@@ -74,7 +74,7 @@ class BoundsAdder {
 class StayFinder {
  public:
   StayFinder(std::span<const FrameRows> frames, const geometry::ShapeTable& shapes, const geometry::FixedSpace& space,
-             Scratch& out)
+             SweptScratch& out)
       : frames_(frames), shapes_(shapes), out_(out), adder_(shapes, space, out.bounds) {}
 
   void find() {
@@ -129,7 +129,7 @@ class StayFinder {
 
   std::span<const FrameRows> frames_;
   const geometry::ShapeTable& shapes_;
-  Scratch& out_;
+  SweptScratch& out_;
   BoundsAdder adder_;
   double least_cosine_ = 1;  ///< of the turns in the last stay
 };
@@ -141,7 +141,7 @@ void SweptFrames::build(std::uint64_t first, std::span<const FrameRows> frames, 
   covered_ = frames.size() - 1;
   std::copy(frames.begin(), frames.end(), frames_.begin());
 
-  Scratch& made = scratch();
+  SweptScratch& made = swept_scratch();
   made.order.clear();
   for (const std::uint32_t row : frames[0].row_of) {
     if (row != FrameRows::none) made.order.push_back(row);

@@ -12,7 +12,6 @@
 namespace ringfence::queries {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t last_step = std::numeric_limits<std::uint32_t>::max();
 constexpr std::size_t most_samples = 64;
 

@@ -2,21 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "reference/core_distance.hpp"
 #include "reference/primitives.hpp"
 #include "reference/separation.hpp"
+#include "reference/text.hpp"
 
 namespace ringfence::reference {
 namespace {
-
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 /// A reported contact, in the frame of a.
 struct Claim {

@@ -111,19 +111,19 @@ Vector nearest_in_triangle(const Vector& p, const Vector& a, const Vector& b, co
   return s.nearest() + p;
 }
 
-struct Segment {
+struct CoreSegment {
   Vector start, end;
 };
 
 /// The nearest points of two segments: those of the two lines if they lie within the segments, else at an end of one.
-void nearest_on_segments(const Segment& p, const Segment& q, Vector& on_p, Vector& on_q) {
+void nearest_on_segments(const CoreSegment& p, const CoreSegment& q, Vector& on_p, Vector& on_q) {
   const Vector u = p.end - p.start, v = q.end - q.start, between = q.start - p.start;
   double least = std::numeric_limits<double>::infinity();
   const auto consider = [&](const Vector& x, const Vector& y) {
     const double squared = dot(x - y, x - y);
     if (squared < least) least = squared, on_p = x, on_q = y;
   };
-  const auto onto = [](const Segment& s, const Vector& x) {
+  const auto onto = [](const CoreSegment& s, const Vector& x) {
     const Vector d = s.end - s.start;
     return s.start + d * std::clamp(dot(x - s.start, d) / dot(d, d), 0.0, 1.0);
   };
@@ -187,7 +187,7 @@ CoreDistance exhaustive_distance(const CorePair& pair) {
   for (const Vector& q : b) {
     for (const auto& t : pair.a.triangles) consider(nearest_in_triangle(q, a[t[0]], a[t[1]], a[t[2]]), q);
   }
-  const auto consider_segments = [&](const Segment& p, const Segment& q) {
+  const auto consider_segments = [&](const CoreSegment& p, const CoreSegment& q) {
     Vector on_p, on_q;
     nearest_on_segments(p, q, on_p, on_q);
     consider(on_p, on_q);

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <limits>
 #include <vector>
+
+#include "reference/vector.hpp"
 
 namespace ringfence::reference {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// A primitive of one shape, and its box in the common frame.
 struct Primitive {

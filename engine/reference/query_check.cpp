@@ -3,24 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
-#include <limits>
 
 #include "reference/core_distance.hpp"
 #include "reference/separation.hpp"
 #include "reference/surface_crossing.hpp"
+#include "reference/text.hpp"
+#include "reference/vector.hpp"
 
 namespace ringfence::reference {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 Vector minus(const Vec3d& p, const Vec3d& q) { return Vector(p) - Vector(q); }
 

@@ -1,16 +1,14 @@
 #include "reference/shapes.hpp"
 
 #include <algorithm>
-#include <limits>
 #include <stdexcept>
 
 #include "base/floating_point.hpp"
 #include "reference/exact.hpp"
+#include "reference/vector.hpp"
 
 namespace ringfence::reference {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 Extents nothing() { return {{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}}; }
 

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "ringfence/pose.hpp"
 
 namespace ringfence::reference {
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// Three doubles with the arithmetic that the reference needs. A separate type, because the reference shares no code
 /// with what it checks.

@@ -12,6 +12,9 @@ inline std::uint64_t now_ns() noexcept {
   return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
 }
 
+/// Time of the monotonic clock, in seconds.
+inline double now_s() noexcept { return static_cast<double>(now_ns()) * 1e-9; }
+
 /// CPU time of the calling thread, in ns. Makes a system call: for use a few times per role and frame, not in loops.
 inline std::uint64_t thread_cpu_ns() noexcept {
   timespec t{};

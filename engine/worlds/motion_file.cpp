@@ -13,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include "geometry/vector.hpp"
 #include "worlds/csv_text.hpp"
 #include "worlds/text_file.hpp"
 
@@ -39,8 +40,6 @@ static_assert(sizeof(BinaryHeader) == 24);
 /// The bits of a pose. Poses are compared by their bits, so -0 differs from 0.
 using PoseBits = std::array<std::uint64_t, 5>;
 static_assert(sizeof(PoseBits) == sizeof(Pose));
-
-bool is_finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 /// The properties of the scene's objects that the CSV reader checks, by object number.
 class ObjectIndex {

@@ -27,7 +27,7 @@ constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
 constexpr double min_spacing = 0.8;    // distance of two start positions, as a share of the sum of the radii
 constexpr float share_at_goal = 0.9f;  // share of the steered objects that start at their goal, not on the way to it
 
-enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
+enum PaperStream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
 
 void check(const PaperWorldOptions& options) {
   const auto require = [](bool condition, const std::string& message) {

@@ -14,7 +14,7 @@
 namespace ringfence::worlds {
 namespace {
 
-enum Stream : std::uint32_t { places = 201, kinds, turns, rocks };
+enum PlazaStream : std::uint32_t { places = 201, kinds, turns, rocks };
 
 constexpr std::uint32_t max_objects = 1'000'000;
 constexpr double pitch = 5.5;         // metres between places: one object for each 30 square metres

@@ -18,9 +18,9 @@
 namespace ringfence::worlds {
 namespace {
 
-constexpr std::string_view header = "frame,query,kind,shape,x,y,z,qx,qy,qz,qw,dx,dy,dz,layers,except,at";
-constexpr std::size_t fields = 17;
-using Fields = std::array<std::string_view, fields>;
+constexpr std::string_view query_header = "frame,query,kind,shape,x,y,z,qx,qy,qz,qw,dx,dy,dz,layers,except,at";
+constexpr std::size_t query_fields = 17;
+using Fields = std::array<std::string_view, query_fields>;
 
 constexpr QueryKind all_kinds[] = {QueryKind::ray,       QueryKind::ray_any, QueryKind::ray_all, QueryKind::sweep,
                                    QueryKind::sweep_all, QueryKind::overlap, QueryKind::nearest};
@@ -67,8 +67,8 @@ class QueryReader {
 
   std::vector<QueryRow> read() {
     const std::optional<std::string_view> first = text_.next_line();
-    if (first != header) {
-      text_.fail(fmt::format("found \"{}\"; expected the header \"{}\"", first.value_or(""), header));
+    if (first != query_header) {
+      text_.fail(fmt::format("found \"{}\"; expected the header \"{}\"", first.value_or(""), query_header));
     }
     while (const std::optional<std::string_view> line = text_.next_line()) read_row(*line);
     std::sort(rows_.begin(), rows_.end(), [](const QueryRow& p, const QueryRow& q) {
@@ -80,7 +80,7 @@ class QueryReader {
  private:
   void read_row(std::string_view line) {
     Fields parts;
-    text_.split(line, parts, header);
+    text_.split(line, parts, query_header);
     QueryRow row;
     read_ids(parts, row);
     row.kind = read_kind(parts[2]);

@@ -15,7 +15,7 @@ using std::numbers::pi;
 constexpr double nautical_mile = 1852;        // metres
 constexpr double foot = 0.3048;               // metres
 constexpr double earth_radius = 6'371'008.8;  // metres, mean
-constexpr std::uint64_t frame_ms = 10'000;
+constexpr std::uint64_t trace_frame_ms = 10'000;
 constexpr std::uint64_t day_ms = 86'400'000;
 constexpr double altitude_step = 25;  // feet; transponders report multiples of it
 constexpr int prism_sides = 16;
@@ -123,7 +123,7 @@ Trace read_air(std::string_view text, const std::string& name, const std::string
   trace.margin = 10'000;
   for (const Row& row : rows) {
     std::vector<Sample>& track = trace.tracks[row.aircraft];
-    const auto frame = static_cast<std::uint32_t>((row.time_ms - begin) / frame_ms);
+    const auto frame = static_cast<std::uint32_t>((row.time_ms - begin) / trace_frame_ms);
     if (!track.empty() && track.back().frame == frame) continue;  // keep the first sample of each frame
     track.push_back({frame, project(row)});
   }

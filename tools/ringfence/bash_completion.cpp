@@ -52,7 +52,8 @@ bool has_path_argument(const CLI::App& command) {
   return false;
 }
 
-constexpr const char* head = R"(# Completion of ringfence for bash. Generated from the help of the program: do not edit.
+constexpr const char* script_head =
+    R"(# Completion of ringfence for bash. Generated from the help of the program: do not edit.
 
 # Completes the last word of a list that commas separate.
 _ringfence_words() {
@@ -83,7 +84,7 @@ std::string format_bash_completion(const CLI::App& app) {
     options += fmt::format("    '{}') {}_ringfence_words '{}{}' ;;\n", command->get_name(), path, names_of(*command),
                            positional_words(*command));
   }
-  std::string script = head;
+  std::string script = script_head;
   script += fmt::format("  if [[ $COMP_CWORD -eq 1 ]]; then\n    _ringfence_words '{}{}'\n    return\n  fi\n", commands,
                         names_of(app));
   script += "  case \"$command $option\" in\n" + values + "  esac\n";

@@ -13,7 +13,7 @@ namespace {
 constexpr std::size_t help_width = 118;
 
 /// The type name is "N" or "N:0 to 1024", where the second part is the valid range.
-std::string range_of(const CLI::Option& option) {
+std::string range_text(const CLI::Option& option) {
   const std::string type = option.get_type_name();
   const std::size_t colon = type.find(':');
   constexpr std::array names_with_colon{"HH:MM", "A:B", "FRAME:", "HOST:PORT"};
@@ -49,7 +49,7 @@ std::string wrapped(const std::string& text, std::size_t width) {
 
 std::string placeholder_of(const CLI::Option& option) {
   if (option.get_type_size() == 0) return "";
-  const std::string range = range_of(option);
+  const std::string range = range_text(option);
   const std::string type = option.get_type_name();
   return range.empty() ? type : type.substr(0, type.size() - range.size() - 1);
 }
@@ -57,7 +57,7 @@ std::string placeholder_of(const CLI::Option& option) {
 std::string description_of(const CLI::Option& option) {
   std::vector<std::string> notes;
   if (option.get_type_size() != 0 && option.get_required()) notes.emplace_back("required");
-  if (option.get_type_size() != 0 && !range_of(option).empty()) notes.push_back(range_of(option));
+  if (option.get_type_size() != 0 && !range_text(option).empty()) notes.push_back(range_text(option));
   if (option.get_type_size() != 0 && !default_of(option).empty()) notes.push_back("default " + default_of(option));
   std::vector<std::string> excluded;
   for (const CLI::Option* other : option.get_excludes()) excluded.push_back(other->get_name());

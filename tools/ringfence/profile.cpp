@@ -12,7 +12,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::size_t max_nodes_shown = 32;
+constexpr std::size_t max_profiled_nodes = 32;
 
 double share(double part, double whole) { return whole > 0 ? part / whole : 0; }
 double share(std::uint64_t part, std::uint64_t whole) {
@@ -84,20 +84,20 @@ void print_kinds(std::FILE* out, const Figures& figures) {
   }
 }
 
-void print_nodes(std::FILE* out, const Figures& figures) {
+void print_profiled_nodes(std::FILE* out, const Figures& figures) {
   const std::vector<NodeFigures> nodes = figures.nodes();
   fmt::print(out, "{:<6} {:>9} {:>9} {:>9} {:>10} {:>12} {:>14} {:>9} {:>8}\n", "node", "busy ms", "wait ms", "cpu ms",
              "move ms", "sweep ms", "narrow ph. ms", "tested", "share");
   double all = 0;
   for (const NodeFigures& node : nodes) all += node.tested;
-  for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
+  for (std::size_t i = 0; i < std::min(nodes.size(), max_profiled_nodes); ++i) {
     const NodeFigures& node = nodes[i];
     fmt::print(out, "{:<6} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.3f} {:>12.3f} {:>14.3f} {:>9.0f} {:>8}\n", node.id,
                node.busy_ms, node.wait_ms, node.cpu_ms, node.move_ms, node.broad_phase_ms, node.narrow_phase_ms,
                node.tested, percent(share(node.tested, all)));
   }
-  if (nodes.size() > max_nodes_shown) {
-    fmt::print(out, "{} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
+  if (nodes.size() > max_profiled_nodes) {
+    fmt::print(out, "{} more in the JSON report (--json FILE)\n", nodes.size() - max_profiled_nodes);
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {
@@ -141,7 +141,7 @@ void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
              narrow, figures.mean(all_estimated_ns(figures)) * 1e-6, percent(share(timed, candidates)));
   print_kinds(out, figures);
   fmt::print(out, "\n");
-  print_nodes(out, figures);
+  print_profiled_nodes(out, figures);
   print_queries(out, figures);
   fmt::print(out, "digest      {:016x}\n", figures.digest());
 }

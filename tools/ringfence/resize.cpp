@@ -10,7 +10,7 @@ namespace ringfence::tools {
 namespace {
 
 constexpr std::uint32_t max_nodes = 1024;
-constexpr std::size_t around = 8;
+constexpr std::size_t frames_around = 8;
 
 }  // namespace
 
@@ -79,8 +79,8 @@ std::vector<ResizeFigures> ResizeSchedule::figures() const {
     ResizeFigures figures{resize.frame, nodes, resize.nodes, {}, {}, frames_[at].handed_over};
     nodes = resize.nodes;
     const auto mean_around = [&](auto value) {
-      return ResizeFigures::Around{mean(at - std::min(at, around), at, value), mean(at, at + 1, value),
-                                   mean(at + 1, at + 2, value), mean(at + 2, at + 2 + around, value)};
+      return ResizeFigures::Around{mean(at - std::min(at, frames_around), at, value), mean(at, at + 1, value),
+                                   mean(at + 1, at + 2, value), mean(at + 2, at + 2 + frames_around, value)};
     };
     figures.frame_ms = mean_around([](const Frame& frame) { return frame.ms; });
     figures.contacts = mean_around([](const Frame& frame) { return frame.contacts; });

@@ -15,8 +15,6 @@
 namespace ringfence::tools {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr std::array input_files{"--scene", "--motion", "--cert", "--key", "--token-key", "--page"};
 /// They belong to one process, or to frames that are over.
 constexpr std::array not_resumed{"--journal", "--collisions", "--json",    "--frames-csv",     "--status",
@@ -58,7 +56,8 @@ std::string describe_run(const std::string& command, const std::vector<std::stri
       arguments[i + 1] = std::filesystem::absolute(arguments[i + 1]);
     }
   }
-  return Json{{"command", command}, {"arguments", arguments}}.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return nlohmann::json{{"command", command}, {"arguments", arguments}}.dump(-1, ' ', false,
+                                                                             nlohmann::json::error_handler_t::replace);
 }
 
 std::vector<std::string> options_of_run(std::vector<std::string> given, const std::string& directory) {
@@ -71,10 +70,10 @@ std::vector<std::string> command_of(const std::string& description, const std::v
   std::vector<std::string> arguments;
   std::string command;
   try {
-    const Json json = Json::parse(description);
+    const nlohmann::json json = nlohmann::json::parse(description);
     command = json.at("command").get<std::string>();
     arguments = json.at("arguments").get<std::vector<std::string>>();
-  } catch (const Json::exception&) {
+  } catch (const nlohmann::json::exception&) {
     command.clear();
   }
   if (command != "run" && command != "replay" && command != "serve") {

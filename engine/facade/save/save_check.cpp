@@ -6,6 +6,7 @@
 
 #include "base/number_index.hpp"
 #include "base/numbers.hpp"
+#include "geometry/vector.hpp"
 #include "nodes/host/valid_pose.hpp"
 #include "nodes/server/request.hpp"
 #include "ringfence/error.hpp"
@@ -31,9 +32,6 @@ bool is_exact(const Pose& pose) noexcept {
   return nodes::make_valid(valid) == Status::ok && valid == pose;
 }
 
-bool is_finite(const Vec3d& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-bool is_finite(const Vec3f& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-
 bool has_shape(const SavedWorld& saved, std::uint32_t shape) noexcept {
   return shape < saved.shapes.size() && saved.shapes[shape] != nullptr;
 }
@@ -48,7 +46,7 @@ bool was_connected(const SavedWorld& saved, std::uint32_t user) noexcept {
   return at != saved.users.end() && at->number == user && at->connected != 0;
 }
 
-void check_layers(const LayerMatrix& layers) {
+void check_saved_layers(const LayerMatrix& layers) {
   require(layers.names.size() <= max_layers, "there are too many layers", layers.names.size());
   for (const auto& [p, q] : layers.collide) {
     require(std::max(p, q) < layers.names.size(), "an unknown layer collides", std::max(p, q));
@@ -141,7 +139,7 @@ void check(const SavedWorld& saved) {
   require(saved.state_bytes <= max_motion_state, "the states are too large", saved.state_bytes);
   require(saved.states.size() == saved.objects.size() * saved.state_bytes, "there is not a state for each object",
           saved.states.size());
-  check_layers(saved.layers);
+  check_saved_layers(saved.layers);
   check_users(saved);
   check_objects(saved);
   check_contacts(saved);

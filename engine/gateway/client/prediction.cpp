@@ -8,7 +8,7 @@ namespace ringfence::gateway {
 namespace {
 
 constexpr std::size_t max_ticks = 200;
-constexpr double reach = 5;  // metres from the avatar's position: its size, and how far it gets while ticks wait
+constexpr double avatar_reach = 5;  // metres from the avatar's position: its size, and how far it gets while ticks wait
 
 }  // namespace
 
@@ -49,7 +49,7 @@ std::optional<double> Prediction::reconcile(const Update& update, const Replica&
   frame_ = update.frame;
   state_ = {};
   std::copy_n(own.state.begin(), std::min(own.state.size(), state_.size()), state_.begin());
-  obstacles_.select(replica, pose_.position, reach);
+  obstacles_.select(replica, pose_.position, avatar_reach);
   obstacles_.read(replica, number_, contacts_);
   for (Tick& tick : ticks_) step(tick);
   if (!was_predicted || !predicted) return std::nullopt;

@@ -10,8 +10,6 @@
 namespace ringfence::gateway {
 namespace {
 
-double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
 Stamp frames_in(double seconds, double rate) noexcept {
   return std::max<Stamp>(1, static_cast<Stamp>(std::llround(seconds * rate)));
 }
@@ -30,7 +28,7 @@ Clients::Clients(World& world, const GatewayConfig& config, Transport& transport
       guest_token_(std::move(guest_token)),
       status_period_(frames_in(status_period_s, config.rate)),
       spectator_period_(frames_in(spectator_period_s, config.rate)),
-      started_s_(now_s()),
+      started_s_(telemetry::now_s()),
       roster_(world, config.hooks, frames_in(config.grace_s, config.rate)),
       table_(world),
       player_view_(world, table_, static_objects_),
@@ -139,7 +137,7 @@ void Clients::send_update(Client& client) {
     client.acknowledged = 0;
     client.complete = now;
   }
-  const double time_s = now_s();
+  const double time_s = telemetry::now_s();
   update_.clear();
   update_.frame = now - 1;
   update_.since = client.acknowledged == 0 ? 0 : now - client.acknowledged;

@@ -9,8 +9,6 @@
 namespace ringfence::gateway {
 namespace {
 
-double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
 std::uint64_t key_of(ConnectionId connection, bool is_incoming) noexcept {
   return connection * 2 + (is_incoming ? 1 : 0);
 }
@@ -31,7 +29,7 @@ void DelayLine::add(ConnectionId connection, bool is_incoming, bool may_be_lost,
                     std::span<const std::byte> bytes) {
   std::uniform_real_distribution<double> uniform(0, 1);
   if (may_be_lost && uniform(random_) < model_.loss) return;
-  double due_s = now_s() + model_.delay_s + uniform(random_) * model_.jitter_s;
+  double due_s = telemetry::now_s() + model_.delay_s + uniform(random_) * model_.jitter_s;
   if (!may_be_lost) {
     double& last = last_due_[key_of(connection, is_incoming)];
     due_s = std::max(due_s, last);
@@ -48,7 +46,7 @@ void DelayLine::forget(ConnectionId connection) {
 }
 
 void DelayLine::wait() {
-  const double left_s = std::max(0.0, waiting_.top().due_s - now_s());
+  const double left_s = std::max(0.0, waiting_.top().due_s - telemetry::now_s());
   timer_.expires_after(std::chrono::nanoseconds(static_cast<std::int64_t>(left_s * 1e9)));
   timer_.async_wait([this](const error_code& error) {
     if (!error) deliver_due();
@@ -56,7 +54,7 @@ void DelayLine::wait() {
 }
 
 void DelayLine::deliver_due() {
-  while (!waiting_.empty() && waiting_.top().due_s <= now_s()) {
+  while (!waiting_.empty() && waiting_.top().due_s <= telemetry::now_s()) {
     Message message = waiting_.top();
     waiting_.pop();
     deliver_(message);

@@ -21,8 +21,6 @@
 namespace ringfence::gateway {
 namespace {
 
-double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
 net::ip::address address_of(const EdgeConfig& config) {
   error_code error;
   auto address = net::ip::make_address(config.host == "localhost" ? "127.0.0.1" : config.host, error);
@@ -114,7 +112,7 @@ struct Edge::Implementation {
     }
     socket.set_option(Tcp::no_delay(true), error);
     socket.set_option(net::socket_base::send_buffer_size(static_cast<int>(hub.config().limits.send_buffer)), error);
-    const double deadline_s = now_s() + hub.config().limits.reply_s;
+    const double deadline_s = telemetry::now_s() + hub.config().limits.reply_s;
     const auto start = [&]<class Stream>(Stream&& stream) {
       const auto session = std::make_shared<HttpSession<Stream>>(hub, std::forward<Stream>(stream), hub.next_id(),
                                                                  address, is_loopback, deadline_s);

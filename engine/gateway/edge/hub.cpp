@@ -14,8 +14,6 @@ namespace {
 
 constexpr double closing_limit_s = 2;  // for the other side to answer a close frame
 
-double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
 bool may_be_lost(std::span<const std::byte> message) noexcept {
   if (message.empty()) return false;
   const auto type = static_cast<ClientMessageType>(message[0]);
@@ -101,7 +99,7 @@ void Hub::deliver_delayed(DelayLine::Message& message) {
 }
 
 void Hub::push(const Event& event, std::span<const std::byte> message) {
-  const double received_s = now_s();
+  const double received_s = telemetry::now_s();
   const std::lock_guard lock(mutex_);
   Event pushed = event;
   pushed.received_s = received_s;
@@ -166,7 +164,7 @@ void Hub::admit(Peer& peer, bool watches, std::span<const std::byte> hello) {
     const auto* const malformed = std::get_if<Malformed>(&message);
     return refuse(peer, CloseCode::malformed, malformed != nullptr ? malformed->reason : "expected hello first");
   }
-  const double now = now_s();
+  const double now = telemetry::now_s();
   if (!addresses_.may_try(peer.address(), peer.is_loopback(), now)) {
     return refuse(peer, CloseCode::too_many, "too many wrong tokens from this address; wait a few seconds");
   }
@@ -200,7 +198,7 @@ void Hub::start_sweep() {
   sweep_timer_.expires_after(std::chrono::seconds(1));
   sweep_timer_.async_wait([this](const error_code& error) {
     if (error) return;
-    sweep(now_s());
+    sweep(telemetry::now_s());
     start_sweep();
   });
 }

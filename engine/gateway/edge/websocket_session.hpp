@@ -35,7 +35,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
 
   /// Takes over the connection of `before`.
   WebSocketSession(Hub& hub, Stream&& stream, const Peer& before, bool watches)
-      : Peer(before.id(), before.address(), before.is_loopback(), now_s() + hub.config().limits.hello_s),
+      : Peer(before.id(), before.address(), before.is_loopback(), telemetry::now_s() + hub.config().limits.hello_s),
         hub_(hub),
         socket_(std::in_place, std::move(stream)),
         allowance_(hub.config().limits.messages_per_s, hub.config().limits.message_burst),
@@ -84,7 +84,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
 
   void close(CloseCode code, const std::string& reason) override {
     if (closing_s_ != 0 || is_finished_) return;
-    closing_s_ = now_s();
+    closing_s_ = telemetry::now_s();
     constexpr std::size_t max_reason = 123;
     reason_ =
         beast::websocket::close_reason(static_cast<beast::websocket::close_code>(code), reason.substr(0, max_reason));
@@ -105,7 +105,6 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
   double closing_since() const noexcept override { return closing_s_; }
 
  private:
-  static double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
   static std::chrono::nanoseconds seconds(double value) {
     return std::chrono::nanoseconds(static_cast<std::int64_t>(value * 1e9));
   }
@@ -125,7 +124,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
                   "expected messages of at most " + std::to_string(max_client_message) + " bytes");
     } else if (closing_s_ == 0 && socket_->is_message_done()) {
       take_message();
-    } else if (closing_s_ == 0 && !allowance_.take(now_s())) {
+    } else if (closing_s_ == 0 && !allowance_.take(telemetry::now_s())) {
       refuse_flood();  // a message in many fragments costs as much as many messages
     }
     // From now on, the operation that closes reads.
@@ -136,7 +135,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
 
   /// Each ping is answered, so it costs as much as a message and counts as one.
   void take_ping() {
-    if (closing_s_ != 0 || allowance_.take(now_s())) return;
+    if (closing_s_ != 0 || allowance_.take(telemetry::now_s())) return;
     // It is called in the middle of a read.
     net::post(socket_->get_executor(), [self = this->shared_from_this()] {
       if (self->closing_s_ == 0) self->refuse_flood();
@@ -154,7 +153,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
     EdgeCounters::add(hub_.counters().received_bytes, message.size());
     if (socket_->got_text()) return hub_.refuse(*this, CloseCode::text, "expected binary messages");
     if (!is_admitted()) return hub_.admit(*this, watches_, message);
-    if (!allowance_.take(now_s())) return refuse_flood();
+    if (!allowance_.take(telemetry::now_s())) return refuse_flood();
     hub_.receive(*this, message);
   }
 
@@ -170,7 +169,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
       if (closing_s_ != 0) send_close();
       return;
     }
-    writing_s_ = now_s();
+    writing_s_ = telemetry::now_s();
     socket_->async_write(net::buffer(written_.data(), written_.size()),
                          [self = this->shared_from_this()](const error_code& error, std::size_t bytes) {
                            self->on_written(error, bytes);

@@ -6,13 +6,13 @@
 namespace ringfence::gateway {
 namespace {
 
-constexpr double farthest = 0x1p62;
+constexpr double max_steps = 0x1p62;
 constexpr std::uint32_t component_bits = 10;
 constexpr std::uint32_t component_mask = (1u << component_bits) - 1;
 constexpr double sqrt_2 = 1.4142135623730951;
 
 std::int64_t quanta_of(double metres) noexcept {
-  return static_cast<std::int64_t>(std::nearbyint(std::clamp(metres / quantum, -farthest, farthest)));
+  return static_cast<std::int64_t>(std::nearbyint(std::clamp(metres / quantum, -max_steps, max_steps)));
 }
 
 std::int8_t signed_byte(float value) noexcept {

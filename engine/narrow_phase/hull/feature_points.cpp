@@ -105,7 +105,7 @@ Point2 middle_along(const Polygon& points, Point2 along) {
   return between(*low, *high, 0.5);
 }
 
-struct Nearest {
+struct NearestOfSides {
   double squared = std::numeric_limits<double>::infinity();
   Point2 middle{0, 0};
 
@@ -144,7 +144,7 @@ Point2 intersect_features(const Polygon& p, const Polygon& q, Spares& spares) {
   const Polygon& by = q.size > 2 ? q : p;
   const Polygon& common = clip(subject, by, spares);
   if (common.size == 0) {
-    Nearest nearest;
+    NearestOfSides nearest;
     nearest.corners_to_sides(p, q);
     nearest.corners_to_sides(q, p);
     return nearest.middle;

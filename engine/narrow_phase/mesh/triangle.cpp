@@ -69,7 +69,7 @@ Vec3d nearest_point(const Triangle& t, Vec3d p) noexcept {
   return p - normal * (dot(normal, ap) / dot(normal, normal));
 }
 
-struct Nearest {
+struct NearestPoints {
   Vec3d on_triangle, on_other;
   double squared = std::numeric_limits<double>::infinity();
 
@@ -82,7 +82,7 @@ struct Nearest {
 
 /// The nearest points of two segments: those of the lines if they lie within both, else with one clamped and the other
 /// recomputed.
-void take_segments(Vec3d p, Vec3d u, Vec3d q, Vec3d v, Nearest& nearest) noexcept {
+void take_segments(Vec3d p, Vec3d u, Vec3d q, Vec3d v, NearestPoints& nearest) noexcept {
   const Vec3d r = p - q;
   const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), ur = dot(u, r), vr = dot(v, r);
   const double across = uu * vv - uv * uv;
@@ -95,7 +95,8 @@ void take_segments(Vec3d p, Vec3d u, Vec3d q, Vec3d v, Nearest& nearest) noexcep
 /// The penetration of everything within `radius` of the nearest point, if the direction of the gap is precise enough.
 /// The shorter the gap is compared with the longest edge of the two cores, the less precise it is; but a gap that is
 /// significant compared with the radius is always used.
-bool penetration_of_nearest(const Nearest& nearest, double radius, double longest_squared, Penetration& out) noexcept {
+bool penetration_of_nearest(const NearestPoints& nearest, double radius, double longest_squared,
+                            Penetration& out) noexcept {
   const double distance = std::sqrt(nearest.squared);
   if (!(distance > std::min(1e-5 * radius, 1e-9 * radius + 1e-10 * longest_squared / radius))) return false;
   out = {radius - distance, (nearest.on_other - nearest.on_triangle) * (1 / distance)};
@@ -122,7 +123,7 @@ Triangle triangle_of(const geometry::TriangleGroup& leaf, std::size_t lane) noex
 }
 
 Penetration ball_penetration(const Triangle& t, Vec3d centre, double radius, double at_least) noexcept {
-  Nearest nearest;
+  NearestPoints nearest;
   nearest.take(nearest_point(t, centre), centre);
   Penetration penetration;
   if (!penetration_of_nearest(nearest, radius, longest_edge_squared(t), penetration)) {
@@ -149,7 +150,7 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
   };
   const Vec3d normal = cross(t.corner[1] - t.corner[0], t.corner[2] - t.corner[0]);
   try_axis(normal, 0);
-  Nearest nearest;
+  NearestPoints nearest;
   for (int i = 0; i < 3; ++i) {
     const Vec3d edge = t.corner[next(i)] - t.corner[i];
     try_axis(cross(edge, along), parallel_sine_squared * dot(edge, edge) * length_squared);

@@ -5,7 +5,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
+
+#include "geometry/vector.hpp"
 
 namespace ringfence::narrow_phase {
 namespace {
@@ -15,8 +16,6 @@ using geometry::MeshTree;
 using geometry::tree_fanout;
 using geometry::TreeNode;
 using geometry::TriangleGroup;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 struct AxisBox {
   Vec3d centre, half;
@@ -85,7 +84,7 @@ struct Ranked {
 };
 
 /// The nearest pair of cores so far.
-class Nearest {
+class NearestCores {
  public:
   /// Whether shapes that are at least `bound` apart can still matter.
   bool can_improve(double bound) const noexcept { return bound < distance_ && distance_ > 0; }
@@ -158,7 +157,7 @@ class ConvexSearch {
   const MeshTree& tree_;
   const ConvexCore& shape_;
   AxisBox box_;
-  Nearest nearest_;
+  NearestCores nearest_;
 };
 
 /// A lower bound of the distance of a box on the frame's axes and a placed box: the widest gap along the six axes.
@@ -247,7 +246,7 @@ class MeshSearch {
   const MeshTree& a_;
   const MeshTree& b_;
   Placement placement_;
-  Nearest nearest_;
+  NearestCores nearest_;
 };
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace {
 
 /// What pairs are sorted by: the kinds of object and query, and whether their test is in double.
 constexpr std::size_t kinds = static_cast<std::size_t>(ShapeKind::hull) + 1;
-constexpr std::size_t keys = 2 * kinds * kinds;
+constexpr std::size_t overlap_keys = 2 * kinds * kinds;
 
 std::size_t key_of(const geometry::ShapeRow& object, const geometry::ShapeRow& query) noexcept {
   const std::size_t both = static_cast<std::size_t>(object.kind) * kinds + static_cast<std::size_t>(query.kind);
@@ -37,7 +37,7 @@ void OverlapTests::add(const Pose& pose, ShapeNumber shape) {
 }
 
 std::span<const std::uint8_t> OverlapTests::run(const geometry::ShapeView& shapes) {
-  std::array<std::uint32_t, keys + 1> ends{};
+  std::array<std::uint32_t, overlap_keys + 1> ends{};
   keys_.resize(pairs_.size());
   for (std::size_t i = 0; i < pairs_.size(); ++i) {
     const std::size_t key =
@@ -45,7 +45,7 @@ std::span<const std::uint8_t> OverlapTests::run(const geometry::ShapeView& shape
     keys_[i] = static_cast<std::uint8_t>(key);
     ++ends[key + 1];
   }
-  for (std::size_t key = 0; key < keys; ++key) ends[key + 1] += ends[key];
+  for (std::size_t key = 0; key < overlap_keys; ++key) ends[key + 1] += ends[key];
   std::array<KernelPair, most> sorted;
   for (std::uint32_t i = 0; i < pairs_.size(); ++i) {
     const std::size_t kind = keys_[i] / 2;
@@ -58,7 +58,7 @@ std::span<const std::uint8_t> OverlapTests::run(const geometry::ShapeView& shape
   results_.assign(pairs_.size(), 0);
   std::array<PairContact, most + contact_slack> contacts;
   KindCounters counters;
-  for (std::size_t key = 0, begin = 0; key < keys; begin = ends[key++]) {
+  for (std::size_t key = 0, begin = 0; key < overlap_keys; begin = ends[key++]) {
     if (begin == ends[key]) continue;
     const auto object = static_cast<ShapeKind>(key / 2 / kinds), query = static_cast<ShapeKind>(key / 2 % kinds);
     const KernelInput input{bodies_, shapes, {sorted.data() + begin, ends[key] - begin}, key % 2 != 0};

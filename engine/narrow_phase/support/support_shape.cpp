@@ -146,9 +146,9 @@ std::array<Vec3d, sampled_directions> spiral() {
 }
 
 /// Two unit vectors that form an orthonormal basis with a given one.
-struct Frame {
+struct AxisFrame {
   Vec3d u, v;
-  explicit Frame(Vec3d n) {
+  explicit AxisFrame(Vec3d n) {
     const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
     u = across * (1 / length(across));
     v = cross(n, u);
@@ -190,7 +190,7 @@ class BestDirections {
     planes.add(difference(best.n));
     double widest = 0.25;  // as a tangent
     for (int i = 0; i < 60 && widest > 1e-8; ++i) {
-      const Frame frame(best.n);
+      const AxisFrame frame(best.n);
       const Vec3d direction = planes.lowest(best.n, frame.u, frame.v, widest);
       const Vec3d n = direction * (1 / length(direction));
       const Vec3d point = difference(n);
@@ -269,7 +269,7 @@ struct Feature {
   double height;
 
   Feature(const Convex& convex, Vec3d n, double slack) {
-    const Frame frame(n);
+    const AxisFrame frame(n);
     points[count++] = convex.support(n);
     height = dot(n, points[0]);
     for (int i = 0; i < 8; ++i) {

@@ -1,7 +1,6 @@
 #include "nodes/exchange/publication.hpp"
 
 #include <cassert>
-#include <limits>
 #include <numeric>
 
 #include "geometry/vector.hpp"
@@ -15,7 +14,6 @@ using queries::BoxTree;
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr CornerBox empty_box{{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}};
 
 /// Reader: orders its reads of a buffer before its second test of the stamp. Writer: orders the reset of the stamp

@@ -20,7 +20,7 @@ Vec3d random_direction(motion::Draws& draws) {
   }
 }
 
-double between(double low, double high, motion::Draws& draws) { return low + (high - low) * double{draws.unit()}; }
+double draw_between(double low, double high, motion::Draws& draws) { return low + (high - low) * double{draws.unit()}; }
 
 }  // namespace
 
@@ -31,9 +31,9 @@ void make_rays(const QueryLoad& load, std::uint32_t frame, std::vector<worlds::Q
     worlds::QueryRow& row = rows[ray];
     row.frame = frame;
     row.query = ray;
-    row.pose.position.x = between(load.bounds_min.x, load.bounds_max.x, draws);
-    row.pose.position.y = between(load.bounds_min.y, load.bounds_max.y, draws);
-    row.pose.position.z = between(load.bounds_min.z, load.bounds_max.z, draws);
+    row.pose.position.x = draw_between(load.bounds_min.x, load.bounds_max.x, draws);
+    row.pose.position.y = draw_between(load.bounds_min.y, load.bounds_max.y, draws);
+    row.pose.position.z = draw_between(load.bounds_min.z, load.bounds_max.z, draws);
     row.displacement = random_direction(draws);
   }
 }

@@ -16,7 +16,7 @@ namespace {
 
 namespace net = gateway::net;
 
-constexpr std::uint32_t way_stream = 401;
+constexpr std::uint32_t robot_stream = 401;
 constexpr double way_s = 2;            // a robot keeps its direction for this time
 constexpr double acknowledge_s = 0.5;  // without an input, acknowledgements are sent this often
 constexpr std::size_t max_effect_frames = 64;
@@ -24,8 +24,6 @@ constexpr std::size_t max_effect_ms = 10'000;
 constexpr std::size_t max_sent = 256;  // of inputs that are waited for
 
 std::uint16_t clock_ms() noexcept { return static_cast<std::uint16_t>(telemetry::now_ns() / 1'000'000u); }
-double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
 /// Counts a value in a histogram whose last bin also has all larger values.
 void count(std::vector<std::uint32_t>& bins, std::size_t value, std::size_t size) {
   bins.resize(size);
@@ -124,7 +122,7 @@ void Robot::predict() {
   if (const std::optional<double> error = prediction_->reconcile(update_, replica_)) {
     figures_.prediction_m.push_back(*error);
   }
-  const double time_s = static_cast<double>(update_.time_us) * 1e-6, now = now_s();
+  const double time_s = static_cast<double>(update_.time_us) * 1e-6, now = telemetry::now_s();
   tracks_.add(update_, replica_);
   clock_.add(time_s, now);
   if (time_s < clock_.display(now)) ++figures_.late;
@@ -138,7 +136,7 @@ void Robot::measure(const gateway::Update& update) {
     const SentInput& input = sent_.front();
     const std::uint64_t effect = update.frame + 1 - update.age;
     count(figures_.effect_frames, effect - std::min(effect, input.frame), max_effect_frames);
-    count(figures_.effect_ms, static_cast<std::size_t>((now_s() - input.time_s) * 1e4), max_effect_ms * 10);
+    count(figures_.effect_ms, static_cast<std::size_t>((telemetry::now_s() - input.time_s) * 1e4), max_effect_ms * 10);
     sent_.pop_front();
   }
   if (update.echo != echoed_ && update.sequence != 0) {
@@ -172,12 +170,12 @@ void Robot::choose_input(std::uint64_t frame) {
                      std::max<std::uint64_t>(1, static_cast<std::uint64_t>(way_s * static_cast<double>(rate_)));
   if (config_.sends_on_change && epoch == epoch_) return;
   epoch_ = epoch;
-  motion::Draws draws(config_.seed, way_stream, number_, static_cast<std::uint32_t>(epoch));
+  motion::Draws draws(config_.seed, robot_stream, number_, static_cast<std::uint32_t>(epoch));
   wish_.x = static_cast<std::int8_t>(draws.between(-127, 127));
   wish_.y = static_cast<std::int8_t>(draws.between(-127, 127));
   wish_.heading = static_cast<std::uint16_t>(draws.word());
   wish_.runs = (draws.word() & 1) != 0;
-  sent_.push_back({++sequence_, frame, now_s()});
+  sent_.push_back({++sequence_, frame, telemetry::now_s()});
   if (sent_.size() > max_sent) sent_.pop_front();
 }
 

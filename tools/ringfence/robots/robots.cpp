@@ -66,11 +66,12 @@ class RobotRun {
     raise_file_limit(options_.clients + 64);
     const StopSignals stop;
     connect_all(stop);
-    const double begin_s = now_s(), begin_cpu_s = process_cpu_s();
+    const double begin_s = telemetry::now_s(), begin_cpu_s = process_cpu_s();
     const RobotFigures before = figures_;
-    while (now_s() - begin_s < options_.seconds && !stop.received()) step(0.1);
-    const RobotInterval interval{now_s() - begin_s, process_cpu_s() - begin_cpu_s, figures_.updates - before.updates,
-                                 figures_.bytes - before.bytes, figures_.objects - before.objects};
+    while (telemetry::now_s() - begin_s < options_.seconds && !stop.received()) step(0.1);
+    const RobotInterval interval{telemetry::now_s() - begin_s, process_cpu_s() - begin_cpu_s,
+                                 figures_.updates - before.updates, figures_.bytes - before.bytes,
+                                 figures_.objects - before.objects};
     for (const auto& robot : robots_) robot->close();
     for (int i = 0; i < 20 && !all_closed(); ++i) step(0.1);
     board_.finish();
@@ -79,8 +80,6 @@ class RobotRun {
   }
 
  private:
-  static double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
-
   void prepare_tls() {
     tls_.emplace(net::ssl::context::tls_client);
     if (options_.authority.empty()) {

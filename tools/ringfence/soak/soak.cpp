@@ -15,7 +15,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t max_nodes = 8;
+constexpr std::uint32_t max_soak_nodes = 8;
 constexpr std::size_t max_users = 200;
 constexpr std::size_t max_shapes = 500;
 constexpr double far = 1e15 - 8;  // metres: almost as far away as an object may be
@@ -246,7 +246,7 @@ void Soak::resize() {
     world_.fail_thread_creation(static_cast<std::uint32_t>(random_() % 4));
     thread_failure_pending_ = true;
   }
-  const Status status = world_.resize(1 + static_cast<std::uint32_t>(random_() % max_nodes));
+  const Status status = world_.resize(1 + static_cast<std::uint32_t>(random_() % max_soak_nodes));
   if (status == Status::no_thread && thread_failure_pending_) {
     thread_failure_pending_ = false;
     ++counts_.without_thread;

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "geometry/hull.hpp"
+#include "geometry/vector.hpp"
 #include "narrow_phase/query/convex_core.hpp"
 #include "narrow_phase/query/core_distance.hpp"
 #include "narrow_phase/query/hull_features.hpp"
@@ -12,8 +12,6 @@
 
 namespace ringfence::narrow_phase {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 double squared(const Vec3d& p) noexcept { return dot(p, p); }
 

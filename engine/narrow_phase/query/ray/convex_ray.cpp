@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <span>
 
+#include "geometry/vector.hpp"
 #include "narrow_phase/query/ray/triangle_ray.hpp"
 
 namespace ringfence::narrow_phase {
 namespace {
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 Vec3d unit(const Vec3d& p) noexcept { return p * (1 / length(p)); }
 

@@ -6,8 +6,8 @@
 // This must follow foreach_target.h, which includes this file once for each target.
 #include <algorithm>
 #include <cstddef>
-#include <limits>
 
+#include "geometry/vector.hpp"
 #include "narrow_phase/simd/lanes-inl.hpp"
 #include "narrow_phase/simd/largest-inl.hpp"
 
@@ -24,7 +24,6 @@ HWY_INLINE Vector<Doubles> set(const Vec3d& p) {
 }
 
 PlaneClip clip(const geometry::Hull& hull, const LocalRay& ray, double margin) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
   const Doubles d;
   const hn::Rebind<float, Doubles> floats;
   const auto zero = hn::Zero(d), nowhere = hn::Set(d, -infinity), far = hn::Set(d, infinity);

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <limits>
 
+#include "geometry/vector.hpp"
 #include "narrow_phase/query/core_distance.hpp"
 #include "narrow_phase/query/mesh_boxes.hpp"
 #include "narrow_phase/query/nearest/convex_nearest.hpp"
@@ -13,7 +13,6 @@
 namespace ringfence::narrow_phase {
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 using Corners = std::array<Vec3d, 3>;
 
 Corners moved(const Corners& corners, const Vec3d& by) noexcept {
