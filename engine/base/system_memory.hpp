@@ -53,6 +53,19 @@ inline void free_to_system(void* memory, std::size_t bytes) noexcept {
 #endif
 }
 
+/// Makes the pages of an array resident, so that no page fault happens when it is used. Its bytes keep their values.
+/// One system call does that where the system has it: a page fault costs 1 to 20 µs.
+inline void populate_pages(void* memory, std::size_t bytes) noexcept {
+  if (bytes == 0) return;
+#ifdef MADV_POPULATE_WRITE
+  const std::size_t before = reinterpret_cast<std::size_t>(memory) % system_page;
+  if (madvise(static_cast<std::byte*>(memory) - before, before + bytes, MADV_POPULATE_WRITE) == 0) return;
+#endif
+  auto* const first = static_cast<volatile std::byte*>(memory);
+  for (std::size_t at = 0; at < bytes; at += system_page) first[at] = first[at];
+  first[bytes - 1] = first[bytes - 1];
+}
+
 /// Returns the whole pages of an array, or of a part of it, to the system. Their bytes become unspecified; the memory
 /// stays allocated, and occupies pages again when it is written.
 inline void release_pages(void* memory, std::size_t bytes) noexcept {

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <string>
 
+#include "base/system_memory.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::link {
@@ -15,13 +16,7 @@ void* allocate_ring(std::size_t bytes, std::size_t stage_bytes, const char* opti
   Channel::check(bytes, option);
   const std::size_t footprint = ring_footprint<ThreadAtomics>(bytes) + stage_bytes;
   void* memory = ::operator new(footprint, alignment);
-  // Touches every page now, so that no page fault happens during a frame. What a page has is not read before it is
-  // written.
-  constexpr std::size_t page = 4096;
-  for (std::size_t at = 0; at < footprint; at += page) {
-    static_cast<volatile std::byte*>(memory)[at] = std::byte{0};
-  }
-  static_cast<volatile std::byte*>(memory)[footprint - 1] = std::byte{0};
+  base::populate_pages(memory, footprint);
   make_ring<ThreadAtomics>(memory, bytes);
   return memory;
 }

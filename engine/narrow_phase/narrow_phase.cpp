@@ -123,7 +123,10 @@ Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept {
 }
 
 struct NarrowPhase::Implementation {
-  explicit Implementation(const geometry::ShapeTable& table) : shapes(table) {}
+  explicit Implementation(const geometry::ShapeTable& table) : shapes(table) {
+    sorted.grow(chunk_pairs, 0);
+    pair_keys.grow(chunk_pairs, 0);
+  }
 
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
@@ -131,8 +134,8 @@ struct NarrowPhase::Implementation {
   bool same_kind = true;               ///< all shapes are of one kind
   bool float_is_enough = true;         ///< no pair of shapes needs double
   base::Buffer<PairContact> contacts;
-  std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
-  std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
+  base::Buffer<KernelPair> sorted;  ///< as long as a chunk; of a small call only the start is ever written
+  base::Buffer<Key> pair_keys;
   std::uint32_t ends[key_slots];  ///< for each key: the end of its pairs in `sorted` that are already written
   std::uint32_t key_ends[keys];   ///< the same for keys without shape bits; only valid for keys that occur in the chunk
   KindCounters counters[shape_kinds][shape_kinds];
@@ -162,7 +165,7 @@ void NarrowPhase::Implementation::update_shape_tags() {
 
 /// Writes the pairs to `sorted` in their given order.
 void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
-  KernelPair* const to = sorted.get();
+  KernelPair* const to = sorted.data();
   for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
@@ -172,7 +175,7 @@ template <bool in_float>
 void NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
                                                std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
-  Key* const key = pair_keys.get();
+  Key* const key = pair_keys.data();
   const unsigned by_shape = pairs.size() >= min_pairs_sorted_by_shape ? ~0u : 0u;
   if (by_shape != 0) {
     std::fill(std::begin(ends), std::end(ends), 0u);
@@ -202,7 +205,7 @@ void NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
 /// Counting sort of a chunk's pairs by key; `begin` is the index of the first pair. Returns the set of keys without
 /// shape bits.
 std::uint64_t NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
-  const Key* const key = pair_keys.get();
+  const Key* const key = pair_keys.data();
   // With few pairs it costs less to collect their keys than to go over all.
   std::uint64_t possible = (std::uint64_t{1} << keys) - 1, set = 0;
   if (pairs.size() < keys) {
@@ -293,7 +296,7 @@ PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodie
       input.first_candidate = static_cast<std::uint32_t>(begin);
     } else {
       copy(pairs, begin);
-      input.pairs = {sorted.get(), pairs.size()};
+      input.pairs = {sorted.data(), pairs.size()};
     }
     return test_key(input, key, pairs.size(), out);
   }
@@ -306,7 +309,7 @@ PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodie
   std::uint32_t from = 0;
   for_each_key(set, [&](std::size_t key) {
     KernelInput input = input_of(bodies, key);
-    input.pairs = {sorted.get() + from, sorted.get() + key_ends[key]};
+    input.pairs = {sorted.data() + from, sorted.data() + key_ends[key]};
     out = test_key(input, key, input.pairs.size(), out);
     from = key_ends[key];
   });
@@ -332,10 +335,10 @@ std::span<const PairContact> NarrowPhase::test(std::span<const Body> bodies,
   return {begin, out};
 }
 
-void NarrowPhase::remember_axes(bool on) {
+void NarrowPhase::remember_axes(bool on, std::size_t bodies) {
   std::unique_ptr<AxisMemory>& memory = implementation_->memory;
   if (on == (memory != nullptr)) return;
-  memory = on ? std::make_unique<AxisMemory>() : nullptr;
+  memory = on ? std::make_unique<AxisMemory>(bodies) : nullptr;
 }
 
 void NarrowPhase::forget_axes() noexcept {

@@ -74,9 +74,9 @@ class NarrowPhase {
 
   /// Whether separating axes of pairs of hulls are cached from call to call, by the numbers of the bodies. Initially
   /// off. The cache changes the cost of pairs that are apart, but no result: a cached axis ends a test only if it
-  /// separates the two shapes by at least 10^-5 of their sizes, far more than the rounding error. Takes 128 KiB while
-  /// it is on.
-  void remember_axes(bool on);
+  /// separates the two shapes by at least 10^-5 of their sizes, far more than the rounding error. Takes 128 bytes for
+  /// each of `bodies`, the number of bodies that calls usually have, but at least 16 and at most 128 KiB.
+  void remember_axes(bool on, std::size_t bodies = std::size_t{1} << 10);
   void forget_axes() noexcept;
 
   /// The counters of two kinds, in either order.

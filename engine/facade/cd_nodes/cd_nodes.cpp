@@ -13,7 +13,7 @@ namespace {
 
 /// Default size of a ring between the server and one of `nodes` CD nodes of this process, bytes: its share of 16 MiB.
 std::size_t server_node_ring(std::size_t nodes) noexcept {
-  constexpr std::size_t largest = std::size_t{1} << 20, smallest = std::size_t{1} << 16;
+  constexpr std::size_t largest = std::size_t{1} << 20, smallest = std::size_t{1} << 14;
   return std::clamp(std::bit_floor(16 * largest / std::max<std::size_t>(nodes, 1)), smallest, largest);
 }
 

@@ -26,7 +26,7 @@ Detector::Detector(NodeState& state)
   touches_.reserve_rarely_used(state.setup.objects);
   touches_.request_huge_pages(state.setup.objects / 2);  // usually there are not more contacts
   order_.reserve(state.setup.objects);
-  narrow_.remember_axes(state.setup.remember_axes);
+  narrow_.remember_axes(state.setup.remember_axes, state.setup.objects);
 }
 
 // The words of pairs that the sweep keeps refer to the hits of the last frame. Without such pairs these are not read.
