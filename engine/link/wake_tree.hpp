@@ -7,12 +7,13 @@
 
 #include "link/atomics.hpp"
 #include "link/doorbell.hpp"
+#include "link/wake_order.hpp"
 
 namespace ringfence::link {
 
-/// Wakes many threads at the cost of a few: the waker rings the first `fan_out` doorbells, and each member that wakes
-/// rings those of its children, before it does anything else. So with a fan-out of four a thousand threads are awake
-/// after five times the time of four rings, where the waker alone would need a thousand, at 2 to 9 us each.
+/// Wakes many threads at the cost of a few: the waker rings a few doorbells, and each member that wakes rings its
+/// children (WakeOrder), before it does anything else. So a thousand threads are awake after 14 rings in turn, where
+/// the waker alone would need a thousand, at 2 to 9 us each.
 ///
 /// No wake-up is lost. A member passes a wave on whenever it finds one that it has not passed on, whoever woke it, and
 /// at the latest when its parent has rung it. What the waker did before wake() happens before the store of the wave,
@@ -24,35 +25,31 @@ namespace ringfence::link {
 ///
 /// Threads: one waker; each member's index belongs to the thread that owns its doorbell. The doorbells outlive the
 /// tree. Memory: allocated by the constructor.
-template <class Policy, std::size_t fan_out>
+template <class Policy>
 class BasicWakeTree {
  public:
   using Bell = BasicDoorbell<Policy>;
+  static constexpr std::size_t usual_waker_rings = 4;
 
-  /// The doorbells of the members, by index.
-  explicit BasicWakeTree(std::span<Bell* const> bells) : bells_(bells.begin(), bells.end()) {}
+  /// The doorbells of the members, by index. `waker_rings`: see WakeOrder.
+  explicit BasicWakeTree(std::span<Bell* const> bells, std::size_t waker_rings = usual_waker_rings)
+      : order_(bells.size(), waker_rings) {
+    for (const std::uint32_t member : order_.rung) {
+      rung_.push_back(bells[member]);
+    }
+  }
   BasicWakeTree(const BasicWakeTree&) = delete;
   BasicWakeTree& operator=(const BasicWakeTree&) = delete;
 
-  /// Number of members.
-  std::size_t size() const noexcept { return bells_.size(); }
-  /// How many members are between the waker and this one: 0 for those that the waker itself rings.
-  static constexpr std::size_t level_of(std::size_t member) noexcept {
-    std::size_t level = 0;
-    for (; member >= fan_out; member = member / fan_out - 1) {
-      ++level;
-    }
-    return level;
-  }
-  /// Number of rings one after the other, by the waker or by one member.
-  static constexpr std::size_t rings_in_turn = fan_out;
+  /// Who rings whom.
+  const WakeOrder& order() const noexcept { return order_; }
 
   /// By the waker: wakes all members.
   void wake() noexcept {
-    if constexpr (Policy::defect == Defect::wave_stored_late) ring_from(0);
+    if constexpr (Policy::defect == Defect::wave_stored_late) ring(order_.waker);
     // Pairs with the load in pass_on().
     wave_.store(++last_wave_, order_unless<Policy>(Defect::wave_unordered, std::memory_order_release));
-    if constexpr (Policy::defect != Defect::wave_stored_late) ring_from(0);
+    if constexpr (Policy::defect != Defect::wave_stored_late) ring(order_.waker);
   }
   /// By a member, each time before it tests its condition. `passed` belongs to the member and starts at 0.
   void pass_on(std::size_t member, std::uint32_t& passed) noexcept {
@@ -60,26 +57,26 @@ class BasicWakeTree {
     const std::uint32_t wave = wave_.load(order_unless<Policy>(Defect::wave_peek_unordered, std::memory_order_acquire));
     if (wave != passed) [[unlikely]] {
       passed = wave;
-      ring_from((member + 1) * fan_out);
+      ring(order_.children[member]);
     }
   }
 
  private:
-  void ring_from(std::size_t first) noexcept {
-    for (std::size_t i = first; i < first + fan_out && i < bells_.size(); ++i) {
-      bells_[i]->ring();
+  void ring(const WakeOrder::Children& children) noexcept {
+    for (std::uint32_t i = 0; i < children.count; ++i) {
+      rung_[children.first + i]->ring();
     }
   }
 
-  const std::vector<Bell*> bells_;
+  const WakeOrder order_;
+  std::vector<Bell*> rung_;      ///< parallel to WakeOrder::rung
   std::uint32_t last_wave_ = 0;  ///< used by the waker only
   /// Number of the last call of wake(). On lines of its own: all members read it.
   alignas(cache_line_pair_bytes) typename Policy::template Atomic<std::uint32_t> wave_{0};
 };
 
-/// A tree of threads of one process. With a fan-out of 4 the last of 1024 threads is rung after 20 rings in turn; with
-/// 8 after 32, and with 2 also after 20, but twice as many threads have to wake in turn.
-class WakeTree : public BasicWakeTree<ThreadAtomics, 4> {
+/// A tree of threads of one process.
+class WakeTree : public BasicWakeTree<ThreadAtomics> {
  public:
   using BasicWakeTree::BasicWakeTree;
 };

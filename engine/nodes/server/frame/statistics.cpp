@@ -81,12 +81,14 @@ void Statistics::charge_cpu(double PathReport::*step) noexcept {
   cpu_mark_ns_ = now;
 }
 
-// The members of a wake tree start after the rings of all above them, and their own.
+// The members of a wake tree start after the rings of those above them, and their own.
 void Statistics::charge_woken(double step_ms, PeerSession::Reached PeerSession::*reached) noexcept {
+  const link::WakeOrder& order = state_.wake_tree->order();
+  const double ring_ms = state_.rings_ms / order.waker.count;
   std::size_t member = 0;
   for (PeerSession& node : state_.nodes) {
     if (node.connected) {
-      node.wake_ms = static_cast<double>(link::WakeTree::level_of(member++) + 1) * state_.rings_ms;
+      node.wake_ms = order.rings_in_turn[member++] * ring_ms;
       (node.*reached).ms = step_ms + node.wake_ms;
     }
   }
