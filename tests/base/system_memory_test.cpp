@@ -5,6 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
+#include <vector>
+
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
 
 #include <doctest/doctest.h>
 
@@ -23,6 +28,25 @@ TEST_CASE("memory from the system is aligned to huge pages, zero and writable to
     CHECK(first[bytes - 1] == std::byte{1});
     free_to_system(first, bytes);
   }
+}
+
+TEST_CASE("populated pages are resident, and their bytes keep their values") {
+  constexpr std::size_t bytes = 2 * huge_page, begin = 3 * system_page + 100, size = 40 * system_page + 17;
+  auto* const first = static_cast<std::byte*>(allocate_from_system(bytes));
+  first[begin] = first[begin + size - 1] = std::byte{5};
+  populate_pages(first + begin, size);
+  populate_pages(first + begin, 0);
+#ifdef __linux__
+  std::vector<unsigned char> resident(bytes / system_page);
+  REQUIRE(mincore(first, bytes, resident.data()) == 0);
+  for (std::size_t page = begin / system_page; page <= (begin + size - 1) / system_page; ++page) {
+    CHECK((resident[page] & 1) == 1);
+  }
+#endif
+  CHECK(first[begin] == std::byte{5});
+  CHECK(first[begin + size - 1] == std::byte{5});
+  CHECK(std::count(first, first + bytes, std::byte{0}) == static_cast<std::ptrdiff_t>(bytes - 2));
+  free_to_system(first, bytes);
 }
 
 TEST_CASE("released pages of a list leave the other elements as they are") {
