@@ -33,7 +33,7 @@ double clamp_step(double step) noexcept {
   return positive < max_step ? positive : max_step;
 }
 
-std::uint32_t next_step(double step) noexcept {
+std::uint32_t step_rounded_up(double step) noexcept {
   const double inside = clamp_step(step);
   const auto whole = static_cast<std::int64_t>(inside);
   return static_cast<std::uint32_t>(whole + (static_cast<double>(whole) < inside ? 1 : 0));
@@ -68,7 +68,8 @@ double FixedSpace::Rows::outer_step(double step) const noexcept {
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
   return {{rounded_down(rows_.step_at(min.x, 0)), rounded_down(rows_.step_at(min.y, 1)),
            rounded_down(rows_.step_at(min.z, 2))},
-          {next_step(rows_.step_at(max.x, 0)), next_step(rows_.step_at(max.y, 1)), next_step(rows_.step_at(max.z, 2))}};
+          {step_rounded_up(rows_.step_at(max.x, 0)), step_rounded_up(rows_.step_at(max.y, 1)),
+           step_rounded_up(rows_.step_at(max.z, 2))}};
 }
 
 }  // namespace ringfence::geometry

@@ -185,10 +185,10 @@ class Receiver : public BasicReceiver<ThreadAtomics> {
 /// must outlive the channel.
 class Channel {
  public:
-  /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^30, and touches all its pages. Throws Error,
-  /// naming `option`, for any other size. Senders of rings of at least 128 KiB have a stage. `receivers_bell` is rung
-  /// by publish(), `senders_bell` by a release that a sender waits for. Either may be null; both may be the same if one
-  /// thread owns both ends.
+  /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^30, and makes all its pages resident. Throws
+  /// Error, naming `option`, for any other size. Senders of rings of at least 128 KiB have a stage. `receivers_bell` is
+  /// rung by publish(), `senders_bell` by a release that a sender waits for. Either may be null; both may be the same
+  /// if one thread owns both ends.
   Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option = "--ring-bytes");
 
   Sender& sender() noexcept { return sender_; }

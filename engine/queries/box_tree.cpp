@@ -11,12 +11,12 @@
 namespace ringfence::queries {
 namespace {
 
-constexpr float no_box = std::numeric_limits<float>::infinity();
+constexpr float float_infinity = std::numeric_limits<float>::infinity();
 
 constexpr BoxGroup empty_group() noexcept {
   BoxGroup group{};
-  for (auto& axis : group.lower) std::fill(std::begin(axis), std::end(axis), no_box);
-  for (auto& axis : group.upper) std::fill(std::begin(axis), std::end(axis), -no_box);
+  for (auto& axis : group.lower) std::fill(std::begin(axis), std::end(axis), float_infinity);
+  for (auto& axis : group.upper) std::fill(std::begin(axis), std::end(axis), -float_infinity);
   return group;
 }
 

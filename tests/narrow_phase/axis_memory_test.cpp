@@ -48,7 +48,7 @@ bool same_bits(std::span<const PairContact> p, std::span<const PairContact> q) {
 
 }  // namespace
 
-TEST_CASE("cached axes never change a contact: kept, cleared at random, or those of other pairs") {
+TEST_CASE("cached axes never change a contact: kept, cleared at random, in a small table, or those of other pairs") {
   for (const bool degenerate : {false, true}) {
     const std::uint64_t seed = 51;
     INFO("nasty ", degenerate, ", seed ", seed);
@@ -57,11 +57,14 @@ TEST_CASE("cached axes never change a contact: kept, cleared at random, or those
     Motion motion(world.bodies, seed + 1);
     NarrowPhase off(world.shapes()), kept(world.shapes()), cleared(world.shapes()), mistaken(world.shapes());
     for (NarrowPhase* narrow_phase : {&kept, &cleared, &mistaken}) narrow_phase->remember_axes(true);
+    NarrowPhase small(world.shapes());
+    small.remember_axes(true, 1);
     RandomSource random(seed + 2);
     std::vector<narrow_phase::Body> renumbered = world.bodies;
     for (int frame = 0; frame < 30; ++frame) {
       const auto expected = off.test(world.bodies, world.pairs);
       REQUIRE(same_bits(kept.test(world.bodies, world.pairs), expected));
+      REQUIRE(same_bits(small.test(world.bodies, world.pairs), expected));
       if (random.below(3) == 0) cleared.forget_axes();
       REQUIRE(same_bits(cleared.test(world.bodies, world.pairs), expected));
       // The numbers rotate among the bodies, so each pair finds the axis that another pair has stored.
@@ -76,6 +79,7 @@ TEST_CASE("cached axes never change a contact: kept, cleared at random, or those
     CHECK(off.counters(ShapeKind::hull, ShapeKind::hull).ended_early == 0);
     CHECK(kept.counters(ShapeKind::hull, ShapeKind::hull).ended_early > 200);
     CHECK(cleared.counters(ShapeKind::hull, ShapeKind::hull).ended_early > 100);
+    CHECK(small.counters(ShapeKind::hull, ShapeKind::hull).ended_early > 100);
     CHECK(kept.counters(ShapeKind::hull, ShapeKind::hull).ended_early >
           cleared.counters(ShapeKind::hull, ShapeKind::hull).ended_early);
   }

@@ -70,11 +70,10 @@ function(ringfence_module name)
   set_property(GLOBAL APPEND PROPERTY ringfence_modules ${name})
 endfunction()
 
-# ringfence_spare_optimiser(TARGET): compiles a target without optimisation under the address and undefined-behaviour
-# sanitizers, for code in which a test spends little of its time. Both together make the optimiser slow: edge.cpp of the
-# gateway, which includes Boost.Asio, took 445 s with -O1 and less than 112 s with -O0, a file of tests/facade 22 and
-# 10 s.
-function(ringfence_spare_optimiser target)
+# ringfence_compile_unoptimised(TARGET): compiles a target with -O0 under the address and undefined-behaviour sanitizers,
+# for code in which a test spends little of its time. With both sanitizers the optimiser is slow: edge.cpp of the gateway,
+# which includes Boost.Asio, took 445 s with -O1 and less than 112 s with -O0, a file of tests/facade 22 and 10 s.
+function(ringfence_compile_unoptimised target)
   if(RINGFENCE_SANITIZE STREQUAL "address,undefined")
     target_compile_options(${target} PRIVATE -O0)
   endif()
@@ -125,7 +124,7 @@ function(ringfence_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK;LABELS" ${ARGN})
   add_executable(test_${name} ${ARG_SOURCES})
   ringfence_link_modules(test_${name} ${ARG_MODULES})
-  ringfence_spare_optimiser(test_${name})
+  ringfence_compile_unoptimised(test_${name})
   target_link_libraries(test_${name} PRIVATE ringfence_test_main ${ARG_LINK})
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   add_test(NAME ${name} COMMAND ${ringfence_test_launcher} $<TARGET_FILE:test_${name}>)
