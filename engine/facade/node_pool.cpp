@@ -4,6 +4,8 @@
 #include <iterator>
 #include <utility>
 
+#include "link/futex_table.hpp"
+
 namespace ringfence::facade {
 
 using nodes::Connection;
@@ -51,6 +53,7 @@ std::vector<Connection> NodePool::peers_of(const PoolNode& node) const {
 
 bool NodePool::prepare_threads(std::size_t count) {
   const std::size_t missing = count - std::min(count, size());
+  link::reserve_futex_slots(count);
   prepared_.reserve(missing);
   while (prepared_.size() > missing) {
     prepared_.pop_back();
