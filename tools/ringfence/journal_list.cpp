@@ -8,7 +8,7 @@
 #include "exit_code.hpp"
 #include "frame_outputs.hpp"
 #include "job.hpp"
-#include "resume.hpp"
+#include "resumed_command.hpp"
 #include "ringfence/journal.hpp"
 #include "serve/serve.hpp"
 #include "soak/soak_run.hpp"
