@@ -14,7 +14,11 @@
 
 namespace ringfence::tools {
 
+namespace {
+
 using Clock = std::chrono::steady_clock;
+
+}  // namespace
 
 StatusLine::StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress)
     : job_(job),
