@@ -233,8 +233,8 @@ class Script {
                                              "title 'wall, minimum to maximum'"};
     figure("path" + suffix(placement), 1000, 480,
            fmt::format("set title 'Parts of the modelled frame: {}, {} objects, broad phase: {}'\n"
-                       "set key outside right top font ',10'\nset logscale x 2\nset xlabel 'CD nodes'\n"
-                       "set ylabel 'ms per frame'\nplot [0.9:{}] [0:*] {}\n"
+                       "set key outside right top font ',10'\nset logscale x 2\nset logscale y 10\n"
+                       "set xlabel 'CD nodes'\nset ylabel 'ms per frame'\nplot [0.9:{}] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
                        name_of(deployment), objects, name_of(placement), max_nodes * 1.15, joined(lines, separator)));
   }
