@@ -15,7 +15,7 @@ std::string describe_run(const std::string& command, const std::vector<std::stri
 std::vector<std::string> options_of_run(std::vector<std::string> given, const std::string& directory);
 
 /// The command line of the run that a journal describes, without its outputs and faults, and with `replaced` instead of
-/// the options of the same names. Throws Error if the description is not that of a run or a replay.
+/// the options of the same names. Throws Error if the description is not that of `run`, `replay` or `serve`.
 std::vector<std::string> command_of(const std::string& description, const std::vector<std::string>& replaced);
 
 /// Parses that command line. Throws Error with what is wrong.
