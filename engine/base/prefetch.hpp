@@ -26,6 +26,16 @@ inline void prefetch_for_write(const void* address) noexcept {
 #endif
 }
 
+/// Evicts the cache line at `address` from all caches, before another core overwrites it without reading it. Only on
+/// processors with CLFLUSHOPT.
+inline void evict_line(const void* address) noexcept {
+#if defined(__x86_64__)
+  asm volatile("clflushopt %0" : : "m"(*static_cast<const char*>(address)));
+#else
+  static_cast<void>(address);
+#endif
+}
+
 /// Loads all lines of `object` for a read that follows soon. Unless its type is aligned to lines, the object may start
 /// anywhere in a line.
 template <class T>

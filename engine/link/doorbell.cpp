@@ -2,6 +2,9 @@
 
 #include <climits>
 
+#if defined(__x86_64__)
+#include <cpuid.h>
+#endif
 #include <linux/futex.h>
 #include <sched.h>
 #include <sys/syscall.h>
@@ -34,6 +37,14 @@ void futex(const std::atomic<std::uint32_t>& word, int operation, std::uint32_t 
           FUTEX_BITSET_MATCH_ANY);
 }
 
+#if defined(__x86_64__)
+bool has_clflushopt() noexcept {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  constexpr unsigned clflushopt = 1u << 23;
+  return __get_cpuid_count(7, 0, &a, &b, &c, &d) != 0 && (b & clflushopt) != 0;
+}
+#endif
+
 timespec absolute(std::chrono::steady_clock::time_point time) noexcept {
   const auto since = time.time_since_epoch();
   const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since);
@@ -60,7 +71,8 @@ void ThreadAtomics::wake(const Atomic<std::uint32_t>& word) noexcept {
 
 bool ThreadAtomics::streams_copies() noexcept {
 #if defined(__x86_64__)
-  return __builtin_cpu_is("amd") != 0;
+  static const bool amd = __builtin_cpu_is("amd") != 0 && has_clflushopt();
+  return amd;
 #else
   return false;
 #endif

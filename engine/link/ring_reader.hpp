@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -14,7 +15,10 @@ template <class Policy>
 class RingReader {
  public:
   explicit RingReader(Ring<Policy> ring) noexcept
-      : control_(ring.control), bytes_(ring.bytes), mask_(ring.control->capacity - 1) {
+      : control_(ring.control),
+        bytes_(ring.bytes),
+        mask_(ring.control->capacity - 1),
+        evict_from_(Policy::streams_copies() ? lines.stream_from : ~std::size_t{0}) {
     read_ = released_ = tail_seen_ = control_->head.load(std::memory_order_relaxed) & ~RingControl<Policy>::flags;
   }
 
@@ -57,6 +61,7 @@ class RingReader {
   /// if the writer waits for room: then the caller must ring the writer's doorbell.
   bool release() noexcept {
     if (read_ == released_) return false;
+    evict_read_lines();
     released_ = read_;
     // Pairs with the load and the fetch_or of head in RingWriter: everything before this position has been read and may
     // be overwritten.
@@ -85,6 +90,7 @@ class RingReader {
     length_ = header.length;
     left_ = header.count;
     run_end_ = read_ + header.stride;
+    if (header.length > lines.stream_up_to) in_place_end_ = run_end_;
     if (header.stride < lines.no_prefetch_from) prefetch_ahead();
     if constexpr (Policy::defect == Defect::run_released_early) read_ = run_end_;
   }
@@ -99,13 +105,26 @@ class RingReader {
     for (; prefetched_ < end; prefetched_ += lines.line) Policy::prefetch_for_read(bytes_ + (prefetched_ & mask_));
   }
 
+  /// Evicts the whole lines of what is about to be released, if the writer streams copies of that size: then it need
+  /// not wait until they are invalidated in the caches of this core.
+  void evict_read_lines() noexcept {
+    const std::uint64_t first = std::max(released_, in_place_end_);
+    if (read_ - first < evict_from_) return;
+    // Cache lines start at positions RunHeader::bytes above a multiple of the line size.
+    std::uint64_t line = first + (RunHeader::bytes - first) % lines.line;
+    if constexpr (Policy::defect == Defect::evicted_released) line -= lines.line;
+    for (; line + lines.line <= read_; line += lines.line) Policy::evict(bytes_ + (line & mask_));
+  }
+
   RingControl<Policy>* control_;
   std::byte* bytes_;
   std::uint64_t mask_;
-  std::uint64_t read_;  ///< start of the run that is being read, or of the next one
+  std::size_t evict_from_;  ///< lines are evicted in releases of at least this size
+  std::uint64_t read_;      ///< start of the run that is being read, or of the next one
   std::uint64_t tail_seen_;
   std::uint64_t released_;
   std::uint64_t run_end_ = 0;           ///< position after the run that is being read
+  std::uint64_t in_place_end_ = 0;      ///< position after the last message that is too long to be streamed
   std::uint64_t left_ = 0;              ///< messages of that run that are not read yet
   std::uint64_t length_ = 0;            ///< of each of its messages
   const std::byte* message_ = nullptr;  ///< the next of them

@@ -373,6 +373,16 @@ void Explorer::prefetch_for_read(const std::byte* at) {
   if (threads_[me_].view.clock[shadow->writer] < shadow->written) fail("a prefetched line is not published");
 }
 
+void Explorer::evict(const std::byte* at, std::size_t line) {
+  if (!shadow_of(at)) return;
+  const std::size_t first = static_cast<std::size_t>(at - memory_) / line * line;
+  for (std::size_t word = first / 8; word < std::min((first + line) / 8, shadows_.size()); ++word) {
+    const Shadow& shadow = shadows_[word];
+    if (shadow.writer != me_ && threads_[me_].view.clock[shadow.writer] < shadow.written)
+      return fail("an evicted line is being written");
+  }
+}
+
 std::string Explorer::describe_trace() const {
   constexpr const char* names[] = {"none", "load", "store", "exchange", "fetch_or", "sleep", "wake", "timeout"};
   std::string text;

@@ -98,6 +98,8 @@ class Explorer {
   /// by its reader, and a line prefetched for reading must be published.
   void prefetch_for_write(const std::byte* at, std::size_t line);
   void prefetch_for_read(const std::byte* at);
+  /// So must an eviction: no other thread may write the line.
+  void evict(const std::byte* at, std::size_t line);
   /// Ends the execution with a failure. Does not return if a thread of the program calls it.
   void fail(const char* why);
 
@@ -238,6 +240,7 @@ struct CheckedAtomics {
   static void prefetch_for_write(const std::byte* at) { explorer().prefetch_for_write(at, lines.line); }
   static void prefetch_for_read(const std::byte* at) { explorer().prefetch_for_read(at); }
   static void prefetch_awaited(const std::byte*) {}
+  static void evict(const std::byte* at) { explorer().evict(at, lines.line); }
   static bool streams_copies() { return false; }
   static void pause() {}
   static void yield() {}
@@ -246,8 +249,8 @@ struct CheckedAtomics {
   static link::SpinPolicy spin_policy() { return {}; }
 };
 
-/// As on processors where copies into a ring are streamed: nothing is prefetched for writing, and larger messages are
-/// staged, also those that are published alone.
+/// As on processors where copies into a ring are streamed: nothing is prefetched for writing, the reader evicts what it
+/// has read, and larger messages are staged, also those that are published alone.
 template <class Policy>
 struct StreamedCopies : Policy {
   static bool streams_copies() { return true; }

@@ -229,5 +229,27 @@ TEST_CASE("the checker reports lines that are prefetched before they are publish
   CHECK(explore<Prefetching<true, true, false>>(1000).failure == "a line prefetched for writing was not read");
 }
 
+/// Thread 1 writes a word of a line and sets a flag; thread 2 evicts the line when it sees the flag, with acquire if
+/// `acquires`.
+template <bool acquires>
+struct Evicting : Litmus {
+  static constexpr int threads = 2;
+  alignas(16) std::byte memory[16] = {};
+  Evicting() { explorer().watch(memory, sizeof memory); }
+  void thread(int which) {
+    if (which == 1) {
+      explorer().write(memory, 1);
+      x.store(1, release);
+    } else if (x.load(acquires ? acquire : relaxed) == 1) {
+      explorer().evict(memory + 8, 16);
+    }
+  }
+};
+
+TEST_CASE("the checker reports a line that is evicted while it may still be written") {
+  CHECK(explore<Evicting<true>>(1000).failure.empty());
+  CHECK(explore<Evicting<false>>(1000).failure == "an evicted line is being written");
+}
+
 }  // namespace
 }  // namespace ringfence::checker
