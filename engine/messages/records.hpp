@@ -187,7 +187,8 @@ struct FrameEndRecord {
 /// Statistics of a role for the frame that it has completed. Times in nanoseconds. User nodes leave most fields 0; see
 /// docs/protocol.md.
 struct NodeFrameStats {
-  /// Wall time in which the role made progress; CPU time of its thread; wall times of moving and of the two phases.
+  /// Wall time in which the role made progress; CPU time of its thread, of a node that reads the server's words without
+  /// what it spends while it waits for them; wall times of moving and of the two phases.
   std::uint64_t busy_ns = 0, cpu_ns = 0, move_ns = 0, broad_phase_ns = 0, narrow_phase_ns = 0;
   std::uint64_t hosted = 0, handed_over = 0;  ///< objects hosted after the frame; objects handed over to others
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< refused model outputs, by reason

@@ -33,17 +33,19 @@ constexpr const char* name_of(Stage stage) noexcept {
 
 /// Work of one CD node in one frame. Times in milliseconds.
 struct NodeReport {
-  NodeId id;                     ///< of the node; see FrameReport::nodes
-  double busy_ms = 0;            ///< wall time in which the role made progress
-  double cpu_ms = 0;             ///< CPU time of the node's thread; the same as busy_ms if the node has no own thread
-  double wait_ms = 0;            ///< FrameReport::frame_ms minus busy_ms
-  double move_ms = 0;            ///< wall time of moving hosted objects
-  double broad_phase_ms = 0;     ///< wall time; 0 with Placement::server
-  double narrow_phase_ms = 0;    ///< wall time
-  std::uint64_t candidates = 0;  ///< pairs that the node owns
-  std::uint64_t tested = 0;      ///< pairs that the node tested
-  std::uint64_t carried = 0;     ///< pairs whose result the node carried over from the frame before
-  std::uint64_t contacts = 0;    ///< pairs in contact, also those that are not in the list
+  NodeId id;           ///< of the node; see FrameReport::nodes
+  double busy_ms = 0;  ///< wall time in which the role made progress
+  /// CPU time of the node's thread, without what it spends while it waits for the server, unless the node is in another
+  /// process; the same as busy_ms if the node has no own thread.
+  double cpu_ms = 0;
+  double wait_ms = 0;                 ///< FrameReport::frame_ms minus busy_ms
+  double move_ms = 0;                 ///< wall time of moving hosted objects
+  double broad_phase_ms = 0;          ///< wall time; 0 with Placement::server
+  double narrow_phase_ms = 0;         ///< wall time
+  std::uint64_t candidates = 0;       ///< pairs that the node owns
+  std::uint64_t tested = 0;           ///< pairs that the node tested
+  std::uint64_t carried = 0;          ///< pairs whose result the node carried over from the frame before
+  std::uint64_t contacts = 0;         ///< pairs in contact, also those that are not in the list
   std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
   std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
   std::uint64_t handed_over = 0;      ///< objects that the node handed over to others

@@ -44,9 +44,11 @@ struct PathReport {
   // The slowest node of one step need not be the slowest node of the next, and nodes are notified one after another. So
   // each of the following times is a sum over the steps that a node does without waiting for other nodes, for the node
   // with the largest sum. The CPU time until a node is notified is an estimate: the server's step multiplied by the
-  // fraction of its wall time that had passed by then.
+  // fraction of its wall time that had passed by then. If nodes wake each other, it is the server's step and the rings
+  // that follow each other.
   double nodes_moved_ms = 0;   ///< the part of start_nodes until the node is notified, plus its node_move
-  double nodes_tested_ms = 0;  ///< the longer of dispatch and the node's node_publish, plus its node_detect
+  double nodes_tested_ms = 0;  ///< the longer of the part of dispatch until the node is notified (all of it with
+                               ///< Placement::server) and its node_publish, plus its node_detect
   double nodes_ended_ms = 0;   ///< the part of notify until the node is notified, plus its node_end
 
   static constexpr std::size_t steps = 22;

@@ -90,6 +90,7 @@ bool CdNodeRole::advance() {
         mover_.publish();
       }
       state_.stats.publish_cpu_ns = cpu_spent() - state_.stats.move_cpu_ns;
+      wait_start_ = state_.stats.publish_cpu_ns + state_.stats.move_cpu_ns;
       state_.stage = CdNodeStage::gathering;
       return true;
     case CdNodeStage::gathering:
@@ -104,7 +105,8 @@ bool CdNodeRole::advance() {
       if (!publisher_.send()) {
         return false;
       }
-      state_.stats.detect_cpu_ns = cpu_spent() - state_.stats.move_cpu_ns - state_.stats.publish_cpu_ns;
+      wait_start_ = cpu_spent();
+      state_.stats.detect_cpu_ns = wait_start_ - state_.stats.move_cpu_ns - state_.stats.publish_cpu_ns;
       // Here the node would wait for the other nodes. The next message may be a new map, which clears its objects.
       if (!state_.contacts.queries.queries.empty()) [[unlikely]] {
         answerer_.begin();
@@ -167,9 +169,13 @@ bool CdNodeRole::follow(FrameControl::Announced announced) {
   }
   if (announced.step() >= positions_sent && !state_.received.positions) {
     state_.received.positions = true;
+    if (state_.stage == CdNodeStage::gathering) {
+      end_wait();
+    }
     any = true;
   }
   if (announced.step() == frame_end && state_.stage == CdNodeStage::ending && !state_.received.frame_end) {
+    end_wait();
     end_frame(state_.contacts.end);
     any = true;
   }
@@ -341,7 +347,15 @@ bool CdNodeRole::answer_probe() {
   return state_.send_empty(probe_reply_run_, MessageType::probe_reply);
 }
 
-// CPU time in this frame so far.
+// The CPU time since wait_start_ does not count: what a thread spends on polls and on falling asleep, it would not
+// spend if it did not wait.
+void CdNodeRole::end_wait() noexcept {
+  if (!state_.setup.shares_thread) {
+    cpu_start_ = telemetry::thread_cpu_ns() - wait_start_;
+  }
+}
+
+// CPU time in this frame so far, without waits.
 std::uint64_t CdNodeRole::cpu_spent() const noexcept {
   return state_.setup.shares_thread ? state_.stats.busy_ns + (telemetry::now_ns() - step_start_)
                                     : telemetry::thread_cpu_ns() - cpu_start_;

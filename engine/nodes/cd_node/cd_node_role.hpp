@@ -84,6 +84,7 @@ class CdNodeRole {
   void detect();
   bool report_done();
   std::uint64_t cpu_spent() const noexcept;
+  void end_wait() noexcept;
 
   NodeState state_;
   const std::unique_ptr<NodeExchange> exchange_;
@@ -99,7 +100,8 @@ class CdNodeRole {
   bool awaits_map_ = false;  ///< a peer is lost, and the map under which the frame is detected again has not arrived
   std::uint64_t invalid_messages_ = 0;
   std::uint64_t frames_ = 0;
-  std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, ns
+  std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, plus that of waits since, ns
+  std::uint64_t wait_start_ = 0;  ///< cpu_spent() when the node had completed its last step
   std::uint64_t step_start_ = 0;  ///< ns
 };
 

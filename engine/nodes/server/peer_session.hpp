@@ -67,7 +67,7 @@ struct alignas(64) PeerSession {
 
   /// When a step of the frame was done for this node, for PathReport.
   struct Reached {
-    std::uint64_t ns = 0;  ///< 0: not yet
+    std::uint64_t ns = 0;  ///< 0: not yet, or not noted
     double ms = 0;         ///< CPU time of the server's step until then
   };
 
@@ -91,9 +91,9 @@ struct alignas(64) PeerSession {
   double cost_ms = no_cost;                ///< CD nodes: cost of the last complete frame, for balance
   static constexpr double no_cost = -1;
 
-  Reached started;     ///< all messages that start its frame were sent
-  Reached notified;    ///< its contacts were sent
-  double wake_ms = 0;  ///< CD nodes: CPU time of the rings between the end of a step of the server and this node
+  Reached started;              ///< all messages that start its frame were sent
+  Reached dispatched;           ///< CD nodes: all positions were sent
+  Reached notified;             ///< its contacts were sent
   std::uint64_t probed_ns = 0;  ///< time of the last probe; 0: a message has arrived since
 
   Opening opening;

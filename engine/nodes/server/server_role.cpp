@@ -118,6 +118,7 @@ void ServerRole::cut() {
 
 void ServerRole::detect() {
   statistics_.charge(Stage::move);
+  state_.dispatch_ns = statistics_.mark_ns();
   const bool all_objects = state_.map_change.updates == UpdateScope::all_objects;
   if (all_objects) {
     states_.store_all();
@@ -182,7 +183,9 @@ bool ServerRole::advance_stage() {
               [&](PeerSession& node) { return exchange_->send_ghosts(node) && dispatch_.send_updates(node); })) {
         return false;
       }
-      exchange_->announce(AnnouncedStep::positions_sent);
+      // With placement `server` a node also waits for its pairs.
+      exchange_->announce(AnnouncedStep::positions_sent,
+                          state_.setup.placement == Placement::region ? &PeerSession::dispatched : nullptr);
       if (!dispatch_.send_pairs()) {
         return false;
       }
@@ -193,6 +196,7 @@ bool ServerRole::advance_stage() {
       statistics_.charge_part(Stage::broad_phase, dispatch_.sweep_ns());
       statistics_.charge(Stage::dispatch);
       statistics_.charge_cpu(&PathReport::dispatch_ms);
+      statistics_.charge_reached(state_.report().path.dispatch_ms, state_.dispatch_ns, &PeerSession::dispatched);
       // Poses are final, so states can be published while the nodes test.
       relay_.publish(failover_.holds_objects());
       statistics_.charge_cpu(&PathReport::publish_ms);

@@ -94,10 +94,11 @@ struct ServerState {
   std::vector<std::uint32_t> host_changes;
   FrameStage stage = FrameStage::waiting;
   std::uint64_t frame = 0;
-  std::uint64_t begin_ns = 0;    ///< start of the frame
-  std::uint64_t notify_ns = 0;   ///< start of the notification of hosts
-  FrameReport reports[2];        ///< by parity of the frame
-  ModelFailures model_failures;  ///< of the frame, for objects that were spawned or that the server moved
+  std::uint64_t begin_ns = 0;     ///< start of the frame
+  std::uint64_t dispatch_ns = 0;  ///< start of the dispatch of positions and pairs
+  std::uint64_t notify_ns = 0;    ///< start of the notification of hosts
+  FrameReport reports[2];         ///< by parity of the frame
+  ModelFailures model_failures;   ///< of the frame, for objects that were spawned or that the server moved
   /// Wakes the threads of all CD nodes; null if there are few of them, or not each node has a thread.
   std::shared_ptr<link::WakeTree> wake_tree;
   FrameStage woken_stage = FrameStage::waiting;  ///< the last one that has woken them

@@ -410,7 +410,7 @@ void Cut::start(PeerSession& node) {
   node.hand_overs = 0;
   node.received.begin(state_.frame);
   node.last_received_ns = state_.begin_ns;
-  node.probed_ns = node.started.ns = node.notified.ns = 0;
+  node.probed_ns = node.started.ns = node.dispatched.ns = node.notified.ns = 0;
 }
 
 bool Cut::open(PeerSession& node) {

@@ -81,15 +81,15 @@ void Statistics::charge_cpu(double PathReport::*step) noexcept {
   cpu_mark_ns_ = now;
 }
 
-// The members of a wake tree start after the rings of those above them, and their own.
+// A member of the wake tree starts when it has been rung and has rung others. The server's own rings, at the end of its
+// step, are the first of the rings in turn.
 void Statistics::charge_woken(double step_ms, PeerSession::Reached PeerSession::*reached) noexcept {
   const link::WakeOrder& order = state_.wake_tree->order();
-  const double ring_ms = state_.rings_ms / order.waker.count;
+  const double served_ms = step_ms - state_.rings_ms, ring_ms = state_.rings_ms / order.waker.count;
   std::size_t member = 0;
   for (PeerSession& node : state_.nodes) {
     if (node.connected) {
-      node.wake_ms = order.rings_in_turn[member++] * ring_ms;
-      (node.*reached).ms = step_ms + node.wake_ms;
+      (node.*reached).ms = served_ms + order.rings_in_turn[member++] * ring_ms;
     }
   }
 }
@@ -107,7 +107,8 @@ void Statistics::charge_reached(double step_ms, std::uint64_t begin_ns,
   const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
   for (PeerSession& node : state_.nodes) {
     const double until = static_cast<double>((node.*reached).ns - begin_ns);
-    (node.*reached).ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
+    const bool noted = (node.*reached).ns != 0 && !node.lost && passed > 0;
+    (node.*reached).ms = noted ? step_ms * until / passed : step_ms;
   }
 }
 
@@ -206,7 +207,7 @@ void Statistics::charge_path(const PeerSession& node, const messages::NodeFrameS
   raise(path.node_end_ms, end_ms);
   NodeReport& report = state_.report().nodes[node.in_report];
   report.moved_ms = node.started.ms + move_ms;
-  report.tested_ms = std::max(path.dispatch_ms, publish_ms) + node.wake_ms + detect_ms;
+  report.tested_ms = std::max(node.dispatched.ms, publish_ms) + detect_ms;
   report.ended_ms = node.notified.ms + end_ms;
   raise(path.nodes_moved_ms, report.moved_ms);
   raise(path.nodes_tested_ms, report.tested_ms);

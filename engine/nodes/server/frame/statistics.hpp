@@ -43,8 +43,9 @@ class Statistics {
   /// Notes that a step has been done for a node, if it is not noted yet. Returns true.
   static bool note_reached(PeerSession::Reached& reached) noexcept;
   /// After a step in which nodes were served one after another, from `begin_ns` on: estimates its cost, `step_ms` for
-  /// all nodes, up to the moment when each was reached. If they were woken when all were served, each was reached after
-  /// the whole step and the rings of the nodes above it in the wake tree.
+  /// all nodes, up to the moment when each was reached, or all of it if that was not noted. If they were woken when all
+  /// were served, each was reached after the step without its rings, and the rings in turn from the server's to its
+  /// own.
   void charge_reached(double step_ms, std::uint64_t begin_ns, PeerSession::Reached PeerSession::*reached) noexcept;
 
   /// Counts a received message.

@@ -1,10 +1,13 @@
 #include "nodes/server/frame/statistics.hpp"
 
 #include <array>
+#include <memory>
 #include <numeric>
+#include <vector>
 
 #include <doctest/doctest.h>
 
+#include "link/wake_tree.hpp"
 #include "nodes/server/server_fixture.hpp"
 
 namespace ringfence::nodes::test {
@@ -74,10 +77,43 @@ TEST_CASE("a step is charged to a node up to the moment when the node was reache
   statistics.charge_reached(8.0, begin, &PeerSession::started);
   CHECK(state.nodes[0].started.ms == 0);
   CHECK(state.nodes[1].started.ms == 8.0);  // never reached: all of the step
+  state.nodes[1].lost = false;
+  statistics.charge_reached(8.0, begin, &PeerSession::started);
+  CHECK(state.nodes[1].started.ms == 8.0);  // not noted: the same
   Statistics::note_reached(state.nodes[1].started);
   const std::uint64_t noted = state.nodes[1].started.ns;
   CHECK(Statistics::note_reached(state.nodes[1].started));
   CHECK(state.nodes[1].started.ns == noted);
+}
+
+TEST_CASE("a node that others wake is reached after the server's step without its rings, and the rings in turn") {
+  constexpr std::size_t nodes = 20;
+  constexpr double step_ms = 10, ring_ms = 0.25;
+  ServerFixture fixture({.nodes = nodes});
+  ServerState& state = fixture.state();
+  std::array<link::Doorbell, nodes> doorbells;
+  std::vector<link::WakeTree::Bell*> bells;
+  for (link::Doorbell& bell : doorbells) bells.push_back(&bell);
+  state.wake_tree = std::make_shared<link::WakeTree>(bells);
+  state.wake_nodes();
+  const link::WakeOrder& order = state.wake_tree->order();
+  state.rings_ms = order.waker.count * ring_ms;
+  Statistics(state).charge_reached(step_ms, 1, &PeerSession::started);
+
+  // Everybody rings one after the other; `begin_ms` is when a thread starts to ring.
+  std::size_t reached = 0;
+  const auto ring = [&](const auto& self, const link::WakeOrder::Children& children, double begin_ms) -> void {
+    for (std::uint32_t i = 0; i < children.count; ++i) {
+      const std::uint32_t member = order.rung[children.first + i];
+      const double rung_ms = begin_ms + (i + 1) * ring_ms;
+      CAPTURE(member);
+      CHECK(state.nodes[member].started.ms == doctest::Approx(rung_ms + order.children[member].count * ring_ms));
+      ++reached;
+      self(self, order.children[member], rung_ms);
+    }
+  };
+  ring(ring, order.waker, step_ms - state.rings_ms);
+  CHECK(reached == nodes);
 }
 
 TEST_CASE("the critical path has the slowest node of each step, and states in shared memory count as traffic") {
