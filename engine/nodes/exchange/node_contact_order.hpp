@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -16,107 +17,129 @@ namespace ringfence::nodes {
 ///
 /// The lists of the nodes are sorted, but their numbers interleave at random: two lists are merged, but to merge more
 /// costs more than a radix sort of 8-byte keys. Nothing is sorted if the lists already follow each other, as that of a
-/// single node does. Memory: 52 bytes per contact, kept. Belongs to one role.
+/// single node does. Memory: 56 bytes per contact, kept. Belongs to one role.
 class NodeContactOrder {
  public:
-  void reserve(std::size_t contacts) {
-    order_.reserve(contacts), sources_.reserve(contacts), merged_.reserve(contacts);
-  }
+  void reserve(std::size_t contacts) { added_.reserve(contacts), sorted_.reserve(contacts), keys_.reserve(contacts); }
   void reserve_rarely_used(std::size_t contacts) {
-    order_.reserve_rarely_used(contacts), sources_.reserve_rarely_used(contacts);
-    merged_.reserve_rarely_used(contacts);
+    added_.reserve_rarely_used(contacts), sorted_.reserve_rarely_used(contacts);
+    keys_.reserve_rarely_used(contacts);
   }
   /// Clears the order. The following add() calls refer to these contacts, by node number; they outlive the order.
   void start(std::span<NodeContacts* const> node_contacts) {
     node_contacts_ = node_contacts;
-    order_.clear();
-    sources_.clear();
+    added_.clear();
     lists_ = 0;
   }
   /// Adds the contact at that position of the node's list. Precondition: positions ascend within a node, and nodes are
   /// added one after the other.
-  void add(NodeNumber node, std::uint32_t position) { add(node, position, node_contacts_[node]->keys[position]); }
-  void add(NodeNumber node, std::uint32_t position, std::uint64_t key) {
-    if (order_.size() == 0 || key <= last_) {
-      last_list_ = order_.size();
+  void add(NodeNumber node, std::uint32_t position) {
+    add_list(node, position, node_contacts_[node]->keys.span().subspan(position, 1));
+  }
+  /// The same for the contacts from a position on, with these keys, ascending.
+  void add_list(NodeNumber node, std::uint32_t position, std::span<const std::uint64_t> keys) {
+    if (keys.empty()) {
+      return;
+    }
+    const std::size_t before = added_.size();
+    if (before == 0 || keys.front() <= added_.back().key) {
+      last_list_ = before;
       ++lists_;
     }
-    last_ = key;
-    order_.add(key);
-    sources_.push_back({node, position});
+    added_.resize(before + keys.size());
+    Entry* to = added_.data() + before;
+    for (const std::uint64_t key : keys) {
+      *to++ = {key, node, position++};
+    }
   }
   /// Sorts. Duplicates of a pair, if there are any, follow each other.
   void sort() {
-    if (lists_ > 2) {
-      order_.sort();
-    } else if (lists_ == 2) {
-      merge();
+    if (lists_ == 2) {
+      sorted_.resize(size());
+      merge({added_.data(), last_list_}, {added_.data() + last_list_, size() - last_list_}, sorted_.data());
+    } else if (lists_ > 2) {
+      sort_by_keys();
     }
   }
-  std::size_t size() const noexcept { return order_.size(); }
-  std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
-  NodeNumber node(std::size_t i) const noexcept { return sources_[place(i)].node; }
-  std::uint32_t position(std::size_t i) const noexcept { return sources_[place(i)].position; }
+  std::size_t size() const noexcept { return added_.size(); }
+  std::uint64_t key(std::size_t i) const noexcept { return entries()[i].key; }
+  NodeNumber node(std::size_t i) const noexcept { return entries()[i].node; }
+  std::uint32_t position(std::size_t i) const noexcept { return entries()[i].position; }
   /// Calls visit(key, node, position, phase) for each, in order.
   template <class Visit>
   void visit(Visit each) const {
     // Each stage reads what the one before has prefetched.
     constexpr std::size_t ahead = 10;
-    for (std::size_t i = 0; i < size() + 4 * ahead; ++i) {
-      if (i < size()) {
-        const std::size_t at = place(i);
-        base::prefetch_for_read(&sources_[at]);
-        order_.prefetch_added(at);
+    const std::size_t count = size();
+    const Entry* const all = entries();
+    const auto behind = [=](std::size_t i, std::size_t by) {
+      return i >= by && i - by < count ? all + (i - by) : nullptr;
+    };
+    for (std::size_t i = 0; i < count + 3 * ahead; ++i) {
+      if (const Entry* entry = behind(i, 0)) {
+        node_contacts_[entry->node]->prefetch_lists();
       }
-      if (const Source* source = behind(i, ahead)) {
-        node_contacts_[source->node]->prefetch_lists();
+      if (const Entry* entry = behind(i, ahead)) {
+        base::prefetch_for_read(&node_contacts_[entry->node]->found[entry->position]);
+        base::prefetch_for_read(&node_contacts_[entry->node]->begun[entry->position]);
       }
-      if (const Source* source = behind(i, 2 * ahead)) {
-        base::prefetch_for_read(&node_contacts_[source->node]->found[source->position]);
-        base::prefetch_for_read(&node_contacts_[source->node]->begun[source->position]);
+      if (const Entry* entry = behind(i, 2 * ahead)) {
+        node_contacts_[entry->node]->prefetch(node_contacts_[entry->node]->found[entry->position]);
       }
-      if (const Source* source = behind(i, 3 * ahead)) {
-        node_contacts_[source->node]->prefetch(node_contacts_[source->node]->found[source->position]);
-      }
-      if (const Source* source = behind(i, 4 * ahead)) {
-        each(key(i - 4 * ahead), source->node, source->position, node_contacts_[source->node]->phase(source->position));
+      if (const Entry* entry = behind(i, 3 * ahead)) {
+        each(entry->key, entry->node, entry->position, node_contacts_[entry->node]->phase(entry->position));
       }
     }
   }
 
  private:
-  struct Source {
+  struct Entry {
+    std::uint64_t key;
     NodeNumber node;
     std::uint32_t position;
   };
-  /// The source of contact i - `by`; null if there is none.
-  const Source* behind(std::size_t i, std::size_t by) const noexcept {
-    return i >= by && i - by < size() ? &sources_[place(i - by)] : nullptr;
-  }
-  std::size_t place(std::size_t i) const noexcept { return lists_ > 2 ? order_.at(i) : lists_ == 2 ? merged_[i] : i; }
 
-  /// Merges two lists without a branch, because which one has the lesser key is random.
-  void merge() {
-    const std::size_t end = order_.size();
-    merged_.resize(end);
-    std::size_t p = 0, q = last_list_, i = 0;
-    while (p < last_list_ && q < end) {
-      const std::size_t second = order_.added(q) < order_.added(p) ? 1 : 0;
-      merged_[i++] = static_cast<std::uint32_t>(p + ((q - p) & (0 - second)));
-      q += second;
-      p += 1 - second;
+  const Entry* entries() const noexcept { return lists_ > 1 ? sorted_.data() : added_.data(); }
+
+  /// Merges two lists without a branch, because which one has the next key is random; from both ends, because each step
+  /// waits for the one before at its end. Of equal keys those of `p` come first.
+  static void merge(std::span<const Entry> p, std::span<const Entry> q, Entry* to) noexcept {
+    std::size_t p_begin = 0, q_begin = 0, p_end = p.size(), q_end = q.size();
+    while (p_begin < p_end && q_begin < q_end) {
+      const std::size_t second = q[q_begin].key < p[p_begin].key ? 1 : 0;
+      to[p_begin + q_begin] = *(second != 0 ? &q[q_begin] : &p[p_begin]);
+      q_begin += second;
+      p_begin += 1 - second;
+      if (p_begin == p_end || q_begin == q_end) {
+        break;
+      }
+      const std::size_t last = p[p_end - 1].key <= q[q_end - 1].key ? 1 : 0;
+      to[p_end + q_end - 1] = *(last != 0 ? &q[q_end - 1] : &p[p_end - 1]);
+      q_end -= last;
+      p_end -= 1 - last;
     }
-    for (; p < last_list_; ++p) merged_[i++] = static_cast<std::uint32_t>(p);
-    for (; q < end; ++q) merged_[i++] = static_cast<std::uint32_t>(q);
+    const std::size_t at = p_begin + q_begin;
+    std::copy(q.begin() + q_begin, q.begin() + q_end, std::copy(p.begin() + p_begin, p.begin() + p_end, to + at));
+  }
+
+  void sort_by_keys() {
+    keys_.clear();
+    for (const Entry& entry : added_) {
+      keys_.add(entry.key);
+    }
+    keys_.sort();
+    sorted_.resize(size());
+    for (std::size_t i = 0; i < size(); ++i) {
+      sorted_[i] = added_[keys_.at(i)];
+    }
   }
 
   std::span<NodeContacts* const> node_contacts_;
-  base::PairSort order_;
-  base::FlatList<Source> sources_;  ///< in the order of the add() calls
-  std::uint64_t last_ = 0;
-  std::size_t lists_ = 0;                 ///< ascending lists among the keys; those of several nodes may be one
-  std::size_t last_list_ = 0;             ///< the first key of the last of them
-  base::FlatList<std::uint32_t> merged_;  ///< of two lists: places of the add() calls, in order of (a, b)
+  base::FlatList<Entry> added_;   ///< in the order of the add() calls
+  base::FlatList<Entry> sorted_;  ///< unused if they are one list
+  base::PairSort keys_;           ///< of more than two lists
+  std::size_t lists_ = 0;         ///< ascending lists among the entries; those of several nodes may be one
+  std::size_t last_list_ = 0;     ///< the first entry of the last of them
 };
 
 }  // namespace ringfence::nodes

@@ -141,10 +141,11 @@ void sort_listed(const OutputMerge& output_merge, std::size_t share, OutputMerge
     std::size_t next = below(keys, first_key, begins.in(keys));
     scratch.listed_at += next;
     const FoundContact* const found = output_merge.node_contacts[node]->found.data();
+    const std::size_t first = next;
     for (; next < keys.size() && keys[next] < end_key; ++next) {
       base::prefetch_for_read(found + next);  // read sequentially here, at random later
-      order.add(node, static_cast<std::uint32_t>(next), keys[next]);
     }
+    order.add_list(node, static_cast<std::uint32_t>(first), keys.subspan(first, next - first));
   }
   order.sort();
 }

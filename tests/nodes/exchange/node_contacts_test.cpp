@@ -143,10 +143,12 @@ TEST_CASE("contacts of any number of nodes are put in order, equal keys in the o
                                         static_cast<ObjectNumber>(1 + random() % numbers)));
       }
       std::uint32_t position = 0;
-      for (const std::uint64_t key : keys) {
-        order.add(node, position, key);
-        expected.push_back({key, node, position++});
-      }
+      for (const std::uint64_t key : keys) expected.push_back({key, node, position++});
+      // In pieces: a node that adds the end of its list in a call of its own has one list all the same.
+      const std::vector<std::uint64_t> list(keys.begin(), keys.end());
+      const auto first = static_cast<std::uint32_t>(random() % (list.size() + 1));
+      order.add_list(node, 0, std::span(list).first(first));
+      order.add_list(node, first, std::span(list).subspan(first));
     }
     order.sort();
     std::stable_sort(expected.begin(), expected.end());
