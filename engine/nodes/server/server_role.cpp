@@ -127,6 +127,14 @@ void ServerRole::detect() {
   dispatch_.start(std::exchange(state_.map_change.updates, UpdateScope::changes), *exchange_);
 }
 
+// While nodes still move, the server would wait.
+void ServerRole::prepare_dispatch() {
+  if (exchange_->reads_nodes() && !state_.setup.nodes_may_be_lost && state_.awaited_users == 0 &&
+      state_.map_change.updates == UpdateScope::changes && !dispatch_.is_prepared()) {
+    dispatch_.prepare();
+  }
+}
+
 // Where no node may be lost, all that the next hosts depend on is known when the nodes have moved, unless the map
 // changes.
 void ServerRole::assign_next_hosts_early() {
@@ -171,6 +179,7 @@ bool ServerRole::advance_stage() {
       return true;
     case FrameStage::moving:
       if (!node_ingest_.all_completed(ReportedStep::moved) || state_.awaited_users != 0) {
+        prepare_dispatch();
         return false;
       }
       statistics_.charge_cpu(&PathReport::ingest_ms);

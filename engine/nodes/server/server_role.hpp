@@ -102,6 +102,7 @@ class ServerRole {
   void cut();
   bool advance();
   bool advance_stage();
+  void prepare_dispatch();
   void detect();
   void assign_next_hosts_early();
   void finish();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "base/prefetch.hpp"
 #include "telemetry/clock.hpp"
@@ -28,11 +29,56 @@ void Dispatch::resize() {
   stamps_.resize(state_.nodes.size(), 0);
 }
 
-void Dispatch::list_updates(UpdateScope scope) {
-  ObjectTable& objects = state_.objects;
-  if (state_.map.has_cuts()) {
-    objects.keep_notified_bounds();
+void Dispatch::begin() {
+  constexpr std::size_t ahead = 8;
+  for (NodeNumber slot = 0; slot < nodes_.size(); ++slot) {
+    base::prefetch_object(nodes_[std::min(slot + ahead, nodes_.size() - 1)]);
+    base::prefetch_for_read(&state_.nodes[std::min(slot + ahead, nodes_.size() - 1)]);
+    nodes_[slot].updates.clear();
+    nodes_[slot].prepared.clear();
+    nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
   }
+  seen_ = 0;
+  hosted_by_nodes_.clear();
+  last_host_ = Endpoint::none();
+  avatar_owners_.reset();
+  if (state_.map.has_cuts()) {
+    state_.objects.keep_notified_bounds();
+  }
+}
+
+void Dispatch::prepare() {
+  begin();
+  each_unnotified([this](std::uint32_t slot) {
+    if (state_.objects.host(slot).is_node()) {
+      hosted_by_nodes_.push_back(slot);
+    } else {
+      list_update(slot, false);
+    }
+  });
+  seen_ = state_.objects.unnotified().size();
+  for (Node& node : nodes_) {
+    for (const std::uint32_t update : node.updates) {
+      node.prepared.push_back(position_of(update));
+    }
+  }
+  is_prepared_ = true;
+}
+
+template <class Visit>
+void Dispatch::each_unnotified(Visit visit) const {
+  constexpr std::size_t ahead = 8;
+  const auto unnotified = state_.objects.unnotified();
+  for (std::size_t i = seen_; i < unnotified.size(); ++i) {
+    if (i + ahead < unnotified.size()) {
+      state_.objects.prefetch_bounds(unnotified[i + ahead]);
+    }
+    visit(unnotified[i]);
+  }
+}
+
+void Dispatch::list_updates(UpdateScope scope) {
+  const ObjectTable& objects = state_.objects;
   const auto is_anew = [&](std::uint32_t slot) {
     return scope == UpdateScope::all_objects || (scope == UpdateScope::not_hosted && !objects.host(slot).is_node());
   };
@@ -46,16 +92,14 @@ void Dispatch::list_updates(UpdateScope scope) {
   if (scope == UpdateScope::all_objects) {
     return;
   }
-  constexpr std::size_t ahead = 8;
-  const auto unnotified = objects.unnotified();
-  for (std::size_t i = 0; i < unnotified.size(); ++i) {
-    if (i + ahead < unnotified.size()) {
-      objects.prefetch_bounds(unnotified[i + ahead]);
-    }
-    if (!is_anew(unnotified[i])) {
-      list_update(unnotified[i], false);
-    }
+  for (const std::uint32_t slot : hosted_by_nodes_) {
+    list_update(slot, false);
   }
+  each_unnotified([&](std::uint32_t slot) {
+    if (!is_anew(slot)) {
+      list_update(slot, false);
+    }
+  });
 }
 
 // Adds the object to the updates of the nodes whose regions it touches, and its removal to those of the nodes whose
@@ -127,15 +171,10 @@ void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
 }
 
 void Dispatch::start(UpdateScope scope, const ServerExchange& exchange) {
-  constexpr std::size_t ahead = 8;
-  for (NodeNumber slot = 0; slot < nodes_.size(); ++slot) {
-    base::prefetch_object(nodes_[std::min(slot + ahead, nodes_.size() - 1)]);
-    base::prefetch_for_read(&state_.nodes[std::min(slot + ahead, nodes_.size() - 1)]);
-    nodes_[slot].updates.clear();
-    nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
+  // Under a new map all is listed again.
+  if (!std::exchange(is_prepared_, false) || scope != UpdateScope::changes) {
+    begin();
   }
-  last_host_ = Endpoint::none();
-  avatar_owners_.reset();
   list_updates(scope);
   for (Node& node : nodes_) {
     if (node.link != nullptr) {
@@ -161,34 +200,41 @@ bool Dispatch::send_pairs() {
   return all;
 }
 
-bool Dispatch::pump_updates(NodeNumber node) {
+messages::PositionRecord Dispatch::position_of(std::uint32_t update) const noexcept {
   const ObjectTable& objects = state_.objects;
-  const std::vector<std::uint32_t>& updates = nodes_[node].updates;
+  const std::uint32_t slot = update & ~gone;
+  const ObjectRow& row = objects.row(slot);
+  messages::PositionRecord record{.object = row.object,
+                                  .pose = row.pose,
+                                  .bounds = objects.bounds()[slot],
+                                  .shape = row.shape,
+                                  .layer = row.layer,
+                                  .category = row.category,
+                                  .group = objects.group(slot),
+                                  .crowd = objects.crowd(slot),
+                                  .user_data = objects.origin(slot).user_data};
+  if ((update & gone) != 0) {
+    record.object.flags |= messages::flag_left_region;
+  }
+  if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
+    record.object.flags |= messages::flag_avatar;
+  } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+    record.object.flags |= messages::flag_fixed;
+  }
+  return record;
+}
+
+bool Dispatch::pump_updates(NodeNumber to) {
   constexpr std::size_t ahead = 8;
-  return state_.send(state_.nodes[node], nodes_[node].update_run, MessageType::position_update, [&](std::size_t i) {
-    const std::uint32_t slot = updates[i] & ~gone;
-    if (i + ahead < updates.size()) {
-      objects.prefetch_position(updates[i + ahead] & ~gone);
+  Node& node = nodes_[to];
+  return state_.send(state_.nodes[to], node.update_run, MessageType::position_update, [&](std::size_t i) {
+    if (i < node.prepared.size()) {
+      return node.prepared[i];
     }
-    const ObjectRow& row = objects.row(slot);
-    messages::PositionRecord record{.object = row.object,
-                                    .pose = row.pose,
-                                    .bounds = objects.bounds()[slot],
-                                    .shape = row.shape,
-                                    .layer = row.layer,
-                                    .category = row.category,
-                                    .group = objects.group(slot),
-                                    .crowd = objects.crowd(slot),
-                                    .user_data = objects.origin(slot).user_data};
-    if ((updates[i] & gone) != 0) {
-      record.object.flags |= messages::flag_left_region;
+    if (i + ahead < node.updates.size()) {
+      state_.objects.prefetch_position(node.updates[i + ahead] & ~gone);
     }
-    if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
-      record.object.flags |= messages::flag_avatar;
-    } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
-      record.object.flags |= messages::flag_fixed;
-    }
-    return record;
+    return position_of(node.updates[i]);
   });
 }
 

@@ -26,6 +26,10 @@ class Dispatch {
   /// Follows the number of node slots. Between frames.
   void resize();
 
+  /// When all user nodes have reported and nodes still move: does what start() can do before they have moved, for
+  /// objects that no node hosts. Precondition: no node is lost before start().
+  void prepare();
+  bool is_prepared() const noexcept { return is_prepared_; }
   /// Lists the updates of each node. The active nodes stay active until the last send_pairs(), or start() is called
   /// again. Objects and map must not change until all is sent.
   void start(UpdateScope scope, const ServerExchange& exchange);
@@ -51,15 +55,21 @@ class Dispatch {
 
   /// What is sent to one node.
   struct Node {
-    link::Sender* link = nullptr;        ///< null: no active node in the slot
-    std::vector<std::uint32_t> updates;  ///< slots, with the bit `gone`
+    link::Sender* link = nullptr;                    ///< null: no active node in the slot
+    std::vector<std::uint32_t> updates;              ///< slots, with the bit `gone`
+    std::vector<messages::PositionRecord> prepared;  ///< of the first updates
     messages::RunSender update_run;
     messages::RunWriter pair_run{pair_message};
   };
 
+  void begin();
+  /// Calls visit(slot) for ObjectTable::unnotified() from seen_ on.
+  template <class Visit>
+  void each_unnotified(Visit visit) const;
   void list_updates(UpdateScope scope);
   void list_update(std::uint32_t slot, bool all_objects);
-  bool pump_updates(NodeNumber node);
+  messages::PositionRecord position_of(std::uint32_t update) const noexcept;
+  bool pump_updates(NodeNumber to);
   bool pump_pairs();
   messages::RunHeader pairs_to(NodeNumber node) const noexcept {
     return state_.head(messages::MessageType::pairs, messages::Endpoint::node(node));
@@ -68,6 +78,9 @@ class Dispatch {
   ServerState& state_;
   broad_phase::SweepAndPrune sweep_;
   std::vector<Node> nodes_;  ///< by slot
+  bool is_prepared_ = false;
+  std::size_t seen_ = 0;                        ///< number of unnotified objects that prepare() has seen
+  std::vector<std::uint32_t> hosted_by_nodes_;  ///< slots of those that it has left
   bool sweeping_ = false;
   std::span<const geometry::CandidatePair> found_;  ///< not sent yet
   std::uint64_t sweep_ns_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <random>
 #include <set>
 
 #include <doctest/doctest.h>
@@ -24,6 +25,8 @@ struct Dispatching {
   /// What a node has received: by object number, whether the object left its region; and its pairs, by slots.
   struct Received {
     std::map<ObjectNumber, bool> updates;
+    std::map<ObjectNumber, Vec3d> positions;
+    std::size_t records = 0;  ///< updates, counted with those that are sent twice
     std::set<std::pair<std::uint32_t, std::uint32_t>> pairs;
   };
   Received received(NodeNumber node) {
@@ -31,7 +34,10 @@ struct Dispatching {
     for (const SentMessage& message : fixture.sent_to(Endpoint::node(node))) {
       for (std::size_t i = 0; i < message.header.count; ++i) {
         if (message.type() == MessageType::position_update) {
-          const messages::ObjectRef object = message.record<messages::PositionRecord>(i).object;
+          const auto record = message.record<messages::PositionRecord>(i);
+          const messages::ObjectRef object = record.object;
+          received.positions[object.number] = record.pose.position;
+          ++received.records;
           received.updates[object.number] = (object.flags & messages::flag_left_region) != 0;
         } else {
           const auto pair = message.record<messages::PairRecord>(i);
@@ -102,6 +108,54 @@ TEST_CASE("a lost node and a free slot receive nothing") {
   CHECK(test.fixture.sent_to(Endpoint::node(0)).empty());
   CHECK(test.fixture.sent_to(Endpoint::node(1)).empty());
   CHECK(!test.fixture.sent_to(Endpoint::node(2)).empty());
+}
+
+TEST_CASE("what is prepared while nodes still move changes nothing of what they receive") {
+  std::mt19937 random(4);
+  const auto coordinate = [&] { return std::uniform_real_distribution<double>(0, 63)(random); };
+  const FixtureConfig config{.nodes = 5, .placement = Placement::region};
+  Dispatching prepared(config), at_once(config);
+  constexpr std::uint32_t objects = 60;
+  for (std::uint32_t slot = 0; slot < objects; ++slot) {
+    const Endpoint host = slot % 3 == 0 ? Endpoint::server() : Endpoint::node(slot % 5);
+    const Vec3d position{coordinate(), coordinate(), coordinate()};
+    REQUIRE(prepared.fixture.add(position, host) == at_once.fixture.add(position, host));
+  }
+  std::size_t updates = 0, removals = 0;
+  for (int frame = 0; frame < 40; ++frame) {
+    CAPTURE(frame);
+    const UpdateScope scope = frame % 10 == 7   ? UpdateScope::all_objects
+                              : frame % 10 == 9 ? UpdateScope::not_hosted
+                                                : UpdateScope::changes;
+    // Objects of nodes are changed before and after the preparation: by requests, and when the nodes report.
+    for (int step = 0; step < 2; ++step) {
+      for (std::uint32_t slot = 0; slot < objects; ++slot) {
+        const bool by_node = slot % 3 != 0;
+        if (random() % 3 != 0 || (!by_node && step == 1)) continue;
+        const Vec3d position{coordinate(), coordinate(), coordinate()};
+        for (Dispatching* test : {&prepared, &at_once}) {
+          test->move(slot, position);
+          if (by_node && step == 1) test->objects().marks(slot) |= reported_mark;
+        }
+      }
+      if (step == 0 && frame % 4 != 3) prepared.dispatch.prepare();
+    }
+    prepared.send(scope);
+    at_once.send(scope);
+    for (NodeNumber node = 0; node < config.nodes; ++node) {
+      CAPTURE(node);
+      const auto one = prepared.received(node), other = at_once.received(node);
+      CHECK(one.updates == other.updates);
+      CHECK(one.positions == other.positions);
+      CHECK(one.records == other.records);
+      updates += one.records;
+      for (const auto& [number, gone] : one.updates) removals += gone ? 1 : 0;
+    }
+    prepared.objects().settle();
+    at_once.objects().settle();
+  }
+  CHECK(updates > 1000);
+  CHECK(removals > 100);
 }
 
 }  // namespace
