@@ -56,7 +56,7 @@ class NodeContactOrder {
   void sort() {
     if (lists_ == 2) {
       sorted_.resize(size());
-      merge({added_.data(), last_list_}, {added_.data() + last_list_, size() - last_list_}, sorted_.data());
+      merge(added_.span(), last_list_, sorted_.data());
     } else if (lists_ > 2) {
       sort_by_keys();
     }
@@ -101,25 +101,26 @@ class NodeContactOrder {
 
   const Entry* entries() const noexcept { return lists_ > 1 ? sorted_.data() : added_.data(); }
 
-  /// Merges two lists without a branch, because which one has the next key is random; from both ends, because each step
-  /// waits for the one before at its end. Of equal keys those of `p` come first.
-  static void merge(std::span<const Entry> p, std::span<const Entry> q, Entry* to) noexcept {
-    std::size_t p_begin = 0, q_begin = 0, p_end = p.size(), q_end = q.size();
-    while (p_begin < p_end && q_begin < q_end) {
-      const std::size_t second = q[q_begin].key < p[p_begin].key ? 1 : 0;
-      to[p_begin + q_begin] = *(second != 0 ? &q[q_begin] : &p[p_begin]);
-      q_begin += second;
-      p_begin += 1 - second;
-      if (p_begin == p_end || q_begin == q_end) {
+  /// Merges the entries before and from `middle` on, without a branch on their keys, because which list has the next
+  /// one is random; from both ends, because each step waits for the one before at its end. Of equal keys those of the
+  /// first list come first.
+  static void merge(std::span<const Entry> all, std::size_t middle, Entry* to) noexcept {
+    std::size_t p = 0, q = middle, p_end = middle, q_end = all.size();
+    while (p < p_end && q < q_end) {
+      const std::size_t second = all[q].key < all[p].key ? 1 : 0;
+      to[p + q - middle] = all[p + ((q - p) & (0 - second))];
+      q += second;
+      p += 1 - second;
+      if (p == p_end || q == q_end) {
         break;
       }
-      const std::size_t last = p[p_end - 1].key <= q[q_end - 1].key ? 1 : 0;
-      to[p_end + q_end - 1] = *(last != 0 ? &q[q_end - 1] : &p[p_end - 1]);
+      const std::size_t last = all[p_end - 1].key <= all[q_end - 1].key ? 1 : 0;
+      to[p_end + q_end - middle - 1] = all[p_end - 1 + ((q_end - p_end) & (0 - last))];
       q_end -= last;
       p_end -= 1 - last;
     }
-    const std::size_t at = p_begin + q_begin;
-    std::copy(q.begin() + q_begin, q.begin() + q_end, std::copy(p.begin() + p_begin, p.begin() + p_end, to + at));
+    Entry* const rest = to + (p + q - middle);
+    std::copy(all.begin() + q, all.begin() + q_end, std::copy(all.begin() + p, all.begin() + p_end, rest));
   }
 
   void sort_by_keys() {
