@@ -335,6 +335,7 @@ void CdNodeRole::detect_again() {
     state_.host.contacts().begin(state_.frame);
   }
   if (state_.stage == CdNodeStage::colliding || state_.stage == CdNodeStage::ending) {
+    wait_start_ = cpu_spent();
     state_.stage = CdNodeStage::gathering;
   }
 }

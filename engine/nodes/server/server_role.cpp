@@ -129,7 +129,7 @@ void ServerRole::detect() {
 
 // While nodes still move, the server would wait.
 void ServerRole::prepare_dispatch() {
-  if (exchange_->reads_nodes() && !state_.setup.nodes_may_be_lost && state_.awaited_users == 0 &&
+  if (state_.nodes_host() && !state_.setup.nodes_may_be_lost && state_.awaited_users == 0 &&
       state_.map_change.updates == UpdateScope::changes && !dispatch_.is_prepared()) {
     dispatch_.prepare();
   }

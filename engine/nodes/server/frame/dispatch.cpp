@@ -19,6 +19,8 @@ Dispatch::Dispatch(ServerState& state)
              state.setup.keep_resting) {
   resize();
   const std::size_t objects = state.setup.capacities.objects;
+  hosted_by_nodes_.reserve(objects);
+  prepared_.reserve(max_prepared);
   for (Node& node : nodes_) {
     node.updates.reserve(std::min(objects, 2 * objects / nodes_.size() + 64));
   }
@@ -35,7 +37,7 @@ void Dispatch::begin() {
     base::prefetch_object(nodes_[std::min(slot + ahead, nodes_.size() - 1)]);
     base::prefetch_for_read(&state_.nodes[std::min(slot + ahead, nodes_.size() - 1)]);
     nodes_[slot].updates.clear();
-    nodes_[slot].prepared.clear();
+    nodes_[slot].prepared = 0;
     nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
   }
   seen_ = 0;
@@ -57,9 +59,12 @@ void Dispatch::prepare() {
     }
   });
   seen_ = state_.objects.unnotified().size();
+  prepared_.clear();
   for (Node& node : nodes_) {
-    for (const std::uint32_t update : node.updates) {
-      node.prepared.push_back(position_of(update));
+    node.first_prepared = prepared_.size();
+    node.prepared = std::min(node.updates.size(), max_prepared - prepared_.size());
+    for (std::size_t i = 0; i < node.prepared; ++i) {
+      prepared_.push_back(position_of(node.updates[i]));
     }
   }
   is_prepared_ = true;
@@ -228,8 +233,8 @@ bool Dispatch::pump_updates(NodeNumber to) {
   constexpr std::size_t ahead = 8;
   Node& node = nodes_[to];
   return state_.send(state_.nodes[to], node.update_run, MessageType::position_update, [&](std::size_t i) {
-    if (i < node.prepared.size()) {
-      return node.prepared[i];
+    if (i < node.prepared) {
+      return prepared_[node.first_prepared + i];
     }
     if (i + ahead < node.updates.size()) {
       state_.objects.prefetch_position(node.updates[i + ahead] & ~gone);

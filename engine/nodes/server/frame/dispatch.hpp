@@ -27,7 +27,7 @@ class Dispatch {
   void resize();
 
   /// When all user nodes have reported and nodes still move: does what start() can do before they have moved, for
-  /// objects that no node hosts. Precondition: no node is lost before start().
+  /// objects that no node hosts. These do not change until all is sent, and no node is lost before start().
   void prepare();
   bool is_prepared() const noexcept { return is_prepared_; }
   /// Lists the updates of each node. The active nodes stay active until the last send_pairs(), or start() is called
@@ -52,12 +52,16 @@ class Dispatch {
   static constexpr std::uint32_t gone = 0x80000000u;
   /// Bytes: 2000 pairs keep a node busy while the next message is filled.
   static constexpr std::size_t pair_message = std::size_t{1} << 14;
+  /// Number of records that are prepared. A record is much larger than a slot, and a frame in which many objects are
+  /// spawned has many.
+  static constexpr std::size_t max_prepared = 4096;
 
   /// What is sent to one node.
   struct Node {
-    link::Sender* link = nullptr;                    ///< null: no active node in the slot
-    std::vector<std::uint32_t> updates;              ///< slots, with the bit `gone`
-    std::vector<messages::PositionRecord> prepared;  ///< of the first updates
+    link::Sender* link = nullptr;        ///< null: no active node in the slot
+    std::vector<std::uint32_t> updates;  ///< slots, with the bit `gone`
+    std::size_t first_prepared = 0;      ///< in prepared_
+    std::size_t prepared = 0;            ///< number of the first updates whose records are there
     messages::RunSender update_run;
     messages::RunWriter pair_run{pair_message};
   };
@@ -79,8 +83,9 @@ class Dispatch {
   broad_phase::SweepAndPrune sweep_;
   std::vector<Node> nodes_;  ///< by slot
   bool is_prepared_ = false;
-  std::size_t seen_ = 0;                        ///< number of unnotified objects that prepare() has seen
-  std::vector<std::uint32_t> hosted_by_nodes_;  ///< slots of those that it has left
+  std::vector<messages::PositionRecord> prepared_;  ///< node after node
+  std::size_t seen_ = 0;                            ///< number of unnotified objects that prepare() has seen
+  std::vector<std::uint32_t> hosted_by_nodes_;      ///< slots of those that it has left
   bool sweeping_ = false;
   std::span<const geometry::CandidatePair> found_;  ///< not sent yet
   std::uint64_t sweep_ns_ = 0;

@@ -100,7 +100,7 @@ TEST_CASE("a node that others wake is reached after the server's step without it
   state.rings_ms = order.waker.count * ring_ms;
   Statistics(state).charge_reached(step_ms, 1, &PeerSession::started);
 
-  // Everybody rings one after the other; `begin_ms` is when a thread starts to ring.
+  // Each thread rings its members one after the other; `begin_ms` is when it starts.
   std::size_t reached = 0;
   const auto ring = [&](const auto& self, const link::WakeOrder::Children& children, double begin_ms) -> void {
     for (std::uint32_t i = 0; i < children.count; ++i) {
