@@ -64,6 +64,49 @@ TEST_CASE("contacts of needles, plates, grids, prisms and size ratios of 1000 ma
   }
 }
 
+// What a box and a hull select by bounds in fixed point depends on the greater of the two, on signs that are uncertain
+// where they are aligned, and on the number of faces.
+TEST_CASE("contacts of boxes with hulls that are aligned, much smaller, or of many faces match the reference") {
+  const std::uint64_t seed = 21;
+  CAPTURE(seed);
+  RandomSource random(seed);
+  PairWorld world;
+  for (int i = 0; i < 1600; ++i) {
+    const double ratio = i % 4 == 0 ? random.uniform(5, 30) : 1;
+    const auto length = [&] { return static_cast<float>(random.uniform(0.3, 1.2)); };
+    const auto side = [&] { return static_cast<float>(ratio) * length(); };
+    const Box box{{side(), side(), side()}};
+    const bool crate = i % 4 == 1;
+    const int points = crate ? 8 : i % 4 == 2 ? 130 + random.below(120) : 4 + random.below(60);
+    const Vec3f size{length(), length(), length()};
+    ConvexHull hull;
+    for (int p = 0; p < points; ++p) {
+      const Vec3d d = crate ? Vec3d{p & 1 ? 1.0 : -1.0, p & 2 ? 1.0 : -1.0, p & 4 ? 1.0 : -1.0} : random.direction();
+      hull.points.push_back(
+          {size.x * static_cast<float>(d.x), size.y * static_cast<float>(d.y), size.z * static_cast<float>(d.z)});
+    }
+    // On top of the box: face on face, exactly or tilted by so little that the signs of the normals are uncertain, or
+    // by up to a half of the hull's size.
+    const auto within = [&](float half) { return double{half} * random.uniform(-1, 1); };
+    const double height = double{box.half_extents.z} + double{size.z} * (crate ? 1 : random.uniform(0.3, 1));
+    Quat turn = random.orientation();
+    if (crate) {
+      const Vec3d tilt = random.vector(i % 16 < 8 ? 0 : random.logarithmic(1e-6, 1e-3));
+      turn = {static_cast<float>(tilt.x), static_cast<float>(tilt.y), 0, 1};
+    }
+    world.add_pair(box, {}, hull,
+                   {{within(box.half_extents.x), within(box.half_extents.y), crate ? height - 0.01 : height}, turn});
+  }
+  check(world, narrow_phase::test_box_hull);
+  const std::vector<PairContact> expected = run_kernel(world, world.pairs, narrow_phase::test_box_hull);
+  for (const std::string& target : narrow_phase::targets()) {
+    CAPTURE(target);
+    narrow_phase::force_target(target);
+    CHECK(same_bits(run_kernel(world, world.pairs, narrow_phase::test_box_hull), expected));
+  }
+  narrow_phase::force_target("");
+}
+
 TEST_CASE("every target gives the same bits for hulls") {
   for (const KindOfPair& pair : with_hull) {
     for (const bool degenerate : {false, true}) {

@@ -33,9 +33,10 @@ inline PairContact* box_hull(const KernelInput& input, PairContact* out, KindCou
     begin_gathering(input);
     BoxHullPairs pairs(input, input.pairs.data() + begin, std::min(block_pairs, input.pairs.size() - begin), work);
     end_gathering(input);
-    BoxHullFaces(pairs).run();
+    BoxHullBounds bounds(pairs);
+    BoxHullFaces(pairs, bounds).run();
     if (pairs.undecided.count == 0) continue;
-    BoxHullEdges(pairs).run();
+    BoxHullEdges(pairs, bounds).run();
     BlockContacts found;
     BoxHullContacts(pairs, found).run();
     out = write_block<KindsOf<ShapeKind::box, ShapeKind::hull>>(BoxHullPairs::d, pairs.pair, pairs.count, pairs.placed,

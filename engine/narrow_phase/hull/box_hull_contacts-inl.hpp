@@ -83,16 +83,31 @@ class BoxHullContacts {
   void find_features() {
     const std::uint32_t* const pair = pairs_.undecided.pair;
     for_each_greatest(
-        pairs_.undecided.count,
-        [&](std::size_t u) HWY_ATTR { return highest(*pairs_.hull[pair[u]], at(in_hull_, pair[u])); },
+        pairs_.undecided.count, [&](std::size_t u) HWY_ATTR { return heights_of(pair[u]); },
         [&](std::size_t u, float most) { feature_[pair[u]].height = most; });
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) find_feature_of(pairs_.undecided.pair[u]);
+  }
+
+  /// Stores the distances of the vertices of a hull along the direction. Returns the greatest of each lane.
+  HWY_INLINE V heights_of(std::uint32_t i) {
+    const geometry::Hull& hull = *pairs_.hull[i];
+    const auto direction = spread_out(d, at(in_hull_, i));
+    const auto height = [&](std::size_t v) HWY_ATTR {
+      const V heights = dot_of(d, read(d, hull.x() + v, hull.y() + v, hull.z() + v), direction);
+      hn::Store(heights, d, heights_[i] + v);
+      return heights;
+    };
+    V most = height(0);
+    for (std::size_t v = lanes; v < hull.vertex_count(); v += lanes) most = hn::Max(most, height(v));
+    return most;
   }
 
   HWY_INLINE void find_feature_of(std::uint32_t i) {
     const geometry::Hull& hull = *pairs_.hull[i];
     Feature<float>& feature = feature_[i];
-    find_feature_at_height<float>(polytope_of(hull), at(in_hull_, i), slack_[i], feature);
+    const V least = hn::Set(d, feature.height - slack_[i]);
+    feature.count = collect(d, hull.vertex_count(), feature.vertices,
+                            [&](std::size_t v) HWY_ATTR { return hn::Ge(hn::Load(d, heights_[i] + v), least); });
     const float depth = (of_box_[i] + feature.height) - along_[i];
     depth_[i] = depth;
     tolerance_[i] = 2e-5f * std::min(pairs_.box(i).bounding_radius, hull.bounding_radius());
@@ -242,6 +257,7 @@ class BoxHullContacts {
   alignas(64) float depth_[block_pairs];
   alignas(64) float tolerance_[block_pairs];  // by how much a point may lie outside a shape
   Feature<float> feature_[block_pairs];
+  alignas(64) float heights_[block_pairs][geometry::max_hull_vertices];  // of the vertices along the direction
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "base/prefetch.hpp"
+#include "narrow_phase/hull/box_hull_bounds-inl.hpp"
 #include "narrow_phase/hull/box_hull_pairs-inl.hpp"
 #include "narrow_phase/hull/hull_edges-inl.hpp"
 
@@ -22,34 +22,28 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 /// such a direction separates.
 ///
 /// An edge of the hull crosses an edge of the box along axis k exactly where the normals of its two faces differ in the
-/// sign of coordinate k. The ball inside the box and two of its corners exclude all but a few edges of the hull. The
-/// overlap across the others is computed in lanes: one edge per lane, and the edges of a vector can belong to different
-/// pairs of the block.
+/// sign of coordinate k. The deepest corners of the box below these faces and the neighbours of these corners exclude
+/// all but two of the edges of a hull that touches. The overlap across the others is computed in lanes: one edge per
+/// lane, and the edges of a vector can belong to different pairs of the block.
 class BoxHullEdges {
  public:
-  explicit BoxHullEdges(BoxHullPairs& pairs) : pairs_(pairs) {}
+  BoxHullEdges(BoxHullPairs& pairs, BoxHullBounds& bounds) : pairs_(pairs), bounds_(bounds) {}
 
   void run() {
-    for (std::size_t i = 0; i < pairs_.count; i += lanes) place_points(i);
     if constexpr (columns_in_one_vector) {
       std::copy_n(pairs_.best, block_pairs, best_of_faces_);
     } else {
       for (std::size_t u = 0; u < pairs_.undecided.count; ++u) copy_rows(pairs_.undecided.pair[u]);
     }
-    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) mark_faces(pairs_.undecided.pair[u]);
-    std::uint32_t items[room + edge_list_slack];
-    std::size_t count = 0;
+    bounds_.limit_edges();
     for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
       const std::size_t i = pairs_.undecided.pair[u];
-      if (count + pairs_.hull[i]->edge_count() > room) {
-        evaluate_edges(items, count);
-        count = 0;
-      }
-      pairs_.work.pass<float>(pairs_.hull[i]->face_count());
-      const std::size_t added = list_edges(i, items + count);
-      prefetch_edges(items + count, added);
-      count += added;
+      bounds_.mark_faces(i, face_bytes_[i]);
     }
+    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) select_edges_of(pairs_.undecided.pair[u]);
+    std::uint32_t items[room + max_edges + 4];
+    std::size_t count = 0;
+    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) count = list_edges(pairs_.undecided.pair[u], items, count);
     evaluate_edges(items, count);
     pairs_.undecided.keep([&](std::size_t i) { return (pairs_.doubtful >> i & 1) != 0 || pairs_.best[i] >= 0; });
   }
@@ -60,7 +54,7 @@ class BoxHullEdges {
   using Column3 = BoxHullPairs::Column3;
   static constexpr D d{};
   static constexpr std::size_t lanes = BoxHullPairs::lanes;
-  static constexpr std::size_t room = 1024;
+  static constexpr std::size_t room = 512;  ///< edges that are evaluated together
   /// Whether one vector holds a number for each pair of the block: it is looked up by one instruction.
   static constexpr bool columns_in_one_vector = lanes == block_pairs;
 
@@ -73,49 +67,46 @@ class BoxHullEdges {
     std::size_t edge() const { return pair_and_edge & 0xffff; }
   };
 
-  static constexpr std::uint8_t beyond = (1 << BoxHullPairs::sign_bit) - 1, signs = 7 << BoxHullPairs::sign_bit;
-
-  /// Whether neither the ball nor a corner excludes an edge, and the edge crosses an edge of the box along some axis.
-  /// `left` and `right` are the bytes of its two faces.
+  /// Whether an edge can have less overlap than the best direction, by the bytes of its two faces.
+  ///
+  /// On the arc between the normals of the two faces, the overlap is at least the depth of any point of the box below
+  /// the plane of support. If this depth is at least the best overlap at both ends of the arc, it is so on all of it,
+  /// since it is linear in the direction. The deepest corner of each face is that deep, because no face is better than
+  /// the best. If the signs of the normals differ in one coordinate only, the deepest corner of one face is the
+  /// neighbour of that of the other: the edge is excluded where this neighbour is too deep for either face. If they
+  /// differ in two coordinates, there are two corners between the deepest ones. Each is a neighbour of both, along one
+  /// axis each, so the edge is excluded where one axis is too deep for the left face and the other one for the right
+  /// face. Edges whose normals differ in all three signs are always evaluated: there are hardly any.
+  ///
+  /// A sign may be wrong where h_k·n_k is nearly zero. The corner on the other side is then nearly as deep, which the
+  /// limits allow for. Faces that are as good as the best one within the errors have the right signs.
   struct RelevantEdge {
+    static constexpr std::uint8_t axes = 7;
+    static constexpr int to_deep = 3;
+
     HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const {
-      return (left & right & beyond) == 0 && ((left ^ right) & signs) != 0;
+      const unsigned crossed = (unsigned{left} ^ unsigned{right}) & axes, of_left = crossed & unsigned{left} >> to_deep,
+                     of_right = crossed & unsigned{right} >> to_deep;
+      const bool several = (crossed & (crossed - 1)) != 0, by_one_face = of_left == 0 || of_right == 0;
+      return (crossed & ~(of_left | of_right)) != 0 || crossed == axes || (several && by_one_face);
     }
 #if HWY_TARGET != HWY_SCALAR
     template <class B>
     HWY_INLINE hn::Mask<B> operator()(B b, hn::Vec<B> left, hn::Vec<B> right) const {
-      const auto zero_bytes = hn::Zero(b);
-      const auto together = hn::And(hn::And(left, right), hn::Set(b, beyond));
-      const auto differ = hn::And(hn::Xor(left, right), hn::Set(b, signs));
-      return hn::And(hn::Eq(together, zero_bytes), hn::Ne(differ, zero_bytes));
+      const auto none = hn::Zero(b), all = hn::Set(b, axes);
+      const hn::Repartition<std::uint16_t, B> pairs;
+      // The bits that come from the other byte are not among those that are used.
+      const auto deep = [&](hn::Vec<B> v)
+                            HWY_ATTR { return hn::BitCast(b, hn::ShiftRight<to_deep>(hn::BitCast(pairs, v))); };
+      const auto crossed = hn::And(hn::Xor(left, right), all), of_left = deep(left), of_right = deep(right);
+      const auto by_one_face =
+          hn::Or(hn::Eq(hn::And(crossed, of_left), none), hn::Eq(hn::And(crossed, of_right), none));
+      const auto several = hn::Ne(hn::And(crossed, hn::Sub(crossed, hn::Set(b, 1))), none);
+      const auto open = hn::Ne(hn::AndNot(hn::Or(of_left, of_right), crossed), none);
+      return hn::Or(hn::Or(open, hn::Eq(crossed, all)), hn::And(several, by_one_face));
     }
 #endif
   };
-
-  /// Computes the points of the boxes that exclude edges, in the axes of the hulls: the centre, the corner deepest
-  /// along the best direction, and the corner farthest along the line between the centres.
-  HWY_INLINE void place_points(std::size_t i) {
-    const Rotation<D> r = pairs_.placed.rotation_lanes(d, i);
-    const Vector<D> offset = pairs_.placed.offset_lanes(d, i), half = pairs_.half_lanes(i);
-    const auto in_hull = [&](const Vector<D>& p) HWY_ATTR { return unrotate(d, r, subtract(d, p, offset)); };
-    const auto corner = [&](const Vector<D>& along) HWY_ATTR {
-      return Vector<D>{hn::CopySign(half.x, along.x), hn::CopySign(half.y, along.y), hn::CopySign(half.z, along.z)};
-    };
-    const Vector<D> axis{hn::LoadU(d, pairs_.placed.axis(0) + i), hn::LoadU(d, pairs_.placed.axis(1) + i),
-                         hn::LoadU(d, pairs_.placed.axis(2) + i)};
-    store(d, negate(d, unrotate(d, r, offset)), point_[0], i);
-    // Along the normal of a face of the box, four corners are deepest: the one most unlike the other corner is chosen.
-    const auto or_else = [&](V along, V other)
-                             HWY_ATTR { return hn::IfThenElse(hn::Eq(along, hn::Zero(d)), hn::Neg(other), along); };
-    const Vector<D> best = load(d, pairs_.best_direction, i);
-    store(d, in_hull(corner({or_else(best.x, axis.x), or_else(best.y, axis.y), or_else(best.z, axis.z)})), point_[1],
-          i);
-    store(d, in_hull(corner(axis)), point_[2], i);
-    const V most = hn::Load(d, pairs_.best + i) + hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
-    const V ball = hn::Min(hn::Min(half.x, half.y), half.z);
-    hn::Store(most, d, of_corner_ + i);
-    hn::Store(hn::Max(most - ball, hn::Zero(d)), d, of_ball_ + i);
-  }
 
   /// Copies what evaluate_vector() reads for each pair.
   HWY_INLINE void copy_rows(std::size_t i) {
@@ -128,33 +119,27 @@ class BoxHullEdges {
     rows_[i][3][3] = pairs_.best[i];
   }
 
-  /// Adds to the byte of each face of one hull one bit for the ball of the box and one for each corner: set if it is
-  /// too deep. Along each normal of the arc between an edge's two faces, the overlap is at least the depth of any point
-  /// of the box below the plane of support. If this depth is at least 0 at both ends of the arc, it is nowhere on the
-  /// arc less than the lesser of these two values. So a point that is too deep for both faces excludes the edge.
-  HWY_INLINE void mark_faces(std::size_t i) {
-    std::uint8_t* const out = pairs_.face_bytes[i];
-    mark_deep_points(*pairs_.hull[i], {at(point_[0], i), at(point_[1], i), at(point_[2], i)},
-                     {of_ball_[i], of_corner_[i], of_corner_[i]},
-                     [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.add_to(out + f); });
+  HWY_INLINE void select_edges_of(std::size_t i) {
+    pairs_.work.pass<float>(pairs_.hull[i]->face_count());
+    select_edges(polytope_of(*pairs_.hull[i]), face_bytes_[i], RelevantEdge(),
+                 [&](std::uint64_t bits, std::size_t first) HWY_ATTR { selected_[i][first / 64] = bits; });
   }
 
-  /// Lists the edges of one hull that no point excludes and returns their number. `out` has room for all edges of the
-  /// hull and edge_list_slack more.
-  HWY_INLINE std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
-    return list_edges_where(polytope_of(*pairs_.hull[i]), pairs_.face_bytes[i], RelevantEdge(),
-                            static_cast<std::uint32_t>(i << Item::edge_bits), out);
+  static HWY_INLINE std::uint32_t item(std::size_t i, std::size_t edge) {
+    return static_cast<std::uint32_t>(i << Item::edge_bits | edge);
   }
-
-  /// The edges of all hulls together are larger than the first-level cache, and few of them are read.
-  HWY_INLINE void prefetch_edges(const std::uint32_t* items, std::size_t count) const {
-    for (std::size_t k = 0; k < count; ++k) {
-      const Item item{items[k]};
-      base::prefetch_for_read(&pairs_.hull[item.pair()]->edges()[item.edge()]);
+  /// Appends the selected edges of one hull and returns the new count.
+  HWY_INLINE std::size_t list_edges(std::size_t i, std::uint32_t* items, std::size_t count) {
+    if (HWY_UNLIKELY(count >= room)) {
+      evaluate_edges(items, count);
+      count = 0;
     }
+    for (std::size_t first = 0; first < pairs_.hull[i]->edge_count(); first += 64) {
+      count = append_few_bits(selected_[i][first / 64], item(i, first), items, count);
+    }
+    return count;
   }
-
-  void evaluate_edges(std::uint32_t* items, std::size_t count) {
+  void evaluate_edges(const std::uint32_t* items, std::size_t count) {
     for (std::size_t begin = 0; begin < count; begin += lanes)
       evaluate_vector(items + begin, std::min(lanes, count - begin));
   }
@@ -250,9 +235,9 @@ class BoxHullEdges {
   }
 
   BoxHullPairs& pairs_;
-  // Points of the box in the axes of the hull, and how deep below a face the corners and the centre exclude it.
-  alignas(64) Column3 point_[3];
-  alignas(64) float of_corner_[block_pairs], of_ball_[block_pairs];
+  BoxHullBounds& bounds_;
+  std::uint64_t selected_[block_pairs][(max_edges + 63) / 64];  // one bit for each edge of each hull
+  alignas(64) std::uint8_t face_bytes_[block_pairs][max_faces];
   alignas(64) float best_of_faces_[block_pairs];
   // For each pair three rows with a row of the rotation and a component of the offset each; then a row with the half
   // extents of the box and the least overlap of all faces.

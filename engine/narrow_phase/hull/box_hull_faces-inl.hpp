@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "geometry/max_lanes-inl.hpp"
+#include "narrow_phase/hull/box_hull_bounds-inl.hpp"
 #include "narrow_phase/hull/box_hull_pairs-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -21,21 +22,22 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 /// Finds the face normal of least overlap for each pair of a block, and removes the pairs that a direction separates.
 ///
-/// The support of a box needs no search, so the exact overlap along every face normal of the hull takes one pass. For
-/// the six faces of the box, the ball inside the hull gives a lower bound; the exact overlap is computed for the one or
-/// two that this bound does not exclude.
+/// Bounds in fixed point select the face of the hull that is evaluated, and seldom another one. For the six faces of
+/// the box, the ball inside the hull gives a lower bound; the exact overlap is computed for the one or two that this
+/// bound does not exclude.
 class BoxHullFaces {
  public:
-  explicit BoxHullFaces(BoxHullPairs& pairs) : pairs_(pairs) {}
+  BoxHullFaces(BoxHullPairs& pairs, BoxHullBounds& bounds) : pairs_(pairs), bounds_(bounds) {}
 
   void run() {
     test_centre_axis();
     if (pairs_.undecided.count == 0) return;
     // The lanes of decided pairs are computed too: leftovers on the stack could be slow to compute with.
-    set_zero(pairs_.best);
     set_zero(pairs_.size);
     set_zero(normal_);
     set_zero(ball_);
+    // Decided pairs have no overlap.
+    for (std::size_t i = 0; i < block_pairs; i += lanes) hn::Store(hn::Set(d, none), d, height_ + i);
     try_faces_of_hull();
     list_faces_of_box();
     evaluate_faces_of_box();
@@ -49,6 +51,15 @@ class BoxHullFaces {
   using Column3 = BoxHullPairs::Column3;
   static constexpr D d{};
   static constexpr std::size_t lanes = BoxHullPairs::lanes;
+  static constexpr float none = -1e30f;
+
+  /// A face of a box or a hull. Of a box: twice the axis; one more on the negative side.
+  struct Item {
+    std::uint16_t pair, face;
+  };
+  static HWY_INLINE Item item(std::size_t pair, std::size_t face) {
+    return {static_cast<std::uint16_t>(pair), static_cast<std::uint16_t>(face)};
+  }
 
   /// Removes the pairs that the line between the centres separates: most pairs that are apart.
   void test_centre_axis() {
@@ -73,68 +84,60 @@ class BoxHullFaces {
     p.undecided.keep([&](std::size_t i) { return overlap[i] >= 0; });
   }
 
-  /// Rotates vectors from the axes of one hull to those of its box. Each lane is one face of the hull.
-  struct RotationLanes {
-    V m[3][3];
-    HWY_INLINE V operator()(int k, V x, V y, V z) const { return m[k][0] * x + m[k][1] * y + m[k][2] * z; }
-  };
-  HWY_INLINE V spread(const float* column, std::size_t i) const { return hn::Set(d, column[i]); }
-  HWY_INLINE RotationLanes rotation_from(std::size_t i) const {
-    RotationLanes t;
-    for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) t.m[k][j] = spread(pairs_.placed.second_to_first(k, j), i);
-    }
-    return t;
-  }
-
-  /// Finds the normal of the hull's faces with the least overlap. Sets the bits of the signs of all normals.
+  /// Finds the normal of the hull's faces with the least overlap.
   void try_faces_of_hull() {
-    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
-      const std::size_t i = pairs_.undecided.pair[u];
-      const geometry::Hull& hull = *pairs_.hull[i];
-      find_least(i, hull, overlaps_[u]);
-      pairs_.size[i] = pairs_.box(i).bounding_radius + hull.bounding_radius();
-      ball_[i] = hull.inner_radius();
-      pairs_.work.directions += hull.face_count();
-      pairs_.work.pass<float>(hull.face_count());
+    bounds_.bound_faces();
+    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) choose_face(pairs_.undecided.pair[u]);
+    std::uint32_t uncertain = 0;
+    for (std::size_t i = 0; i < pairs_.count; i += lanes) {
+      const Vector<D> n = rotate(d, pairs_.placed.rotation_lanes(d, i), load(d, normal_, i));
+      const V of_box =
+          (hn::Abs(n.x) * pairs_.half(0, i) + hn::Abs(n.y) * pairs_.half(1, i)) + hn::Abs(n.z) * pairs_.half(2, i);
+      const V height = hn::Load(d, height_ + i);
+      hn::Store(of_box + (height + dot(d, n, pairs_.placed.offset_lanes(d, i))), d, pairs_.best + i);
+      uncertain |= (bounds_.uncertain_signs(i, n) & bits_of(d, hn::Gt(height, hn::Set(d, none)))) << i;
     }
-    for_each_least(overlaps_, pairs_.undecided.count, [&](std::size_t u, float overlap, std::size_t face) HWY_ATTR {
-      const std::size_t i = pairs_.undecided.pair[u];
-      pairs_.best[i] = overlap;
-      put(pairs_.hull[i]->normal(face), normal_, i);
-    });
+    for (; HWY_UNLIKELY(uncertain != 0); uncertain &= uncertain - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(uncertain));
+      bounds_.correct_signs(i, face_[i], rotate(pairs_.placed.rotation_of(i), at(normal_, i)));
+    }
+    for (std::size_t k = 0; k < other_count_; ++k) consider(others_[k]);
   }
 
-  HWY_INLINE void find_least(std::size_t i, const geometry::Hull& hull, LeastLanes& out) {
-    const PlacementColumns& placed = pairs_.placed;
-    const RotationLanes to_box = rotation_from(i);
-    const V h[3] = {spread(placed.first_size(0), i), spread(placed.first_size(1), i), spread(placed.first_size(2), i)};
-    const V t[3] = {spread(placed.offset(0), i), spread(placed.offset(1), i), spread(placed.offset(2), i)};
-    Least<float> least(hn::Set(d, 1e30f));
-    const auto try_vector = [&](FaceBytes& bytes, int vector, std::size_t f) HWY_ATTR {
-      const V x = hn::Load(d, hull.normal_x() + f), y = hn::Load(d, hull.normal_y() + f),
-              z = hn::Load(d, hull.normal_z() + f);
-      const V n[3] = {to_box(0, x, y, z), to_box(1, x, y, z), to_box(2, x, y, z)};
-      for (int k = 0; k < 3; ++k) bytes.set(vector, BoxHullPairs::sign_bit + k, hn::Lt(n[k], hn::Zero(d)));
-      least.add(((hn::Abs(n[0]) * h[0] + hn::Abs(n[1]) * h[1]) + hn::Abs(n[2]) * h[2]) +
-                    (hn::Load(d, hull.offset() + f) + ((n[0] * t[0] + n[1] * t[1]) + n[2] * t[2])),
-                f);
+  /// Chooses the face with the least bound. It nearly always has the least overlap.
+  HWY_INLINE void choose_face(std::size_t i) {
+    const geometry::Hull& hull = *pairs_.hull[i];
+    const auto choose_first = [&](std::size_t face) HWY_ATTR {
+      face_[i] = static_cast<std::uint32_t>(face);
+      put(hull.normal(face), normal_, i);
+      height_[i] = hull.offset()[face];
     };
-    std::uint8_t* const marks = pairs_.face_bytes[i];
-    for_face_bytes(hull.face_count(), try_vector,
-                   [&](const FaceBytes& bytes, std::size_t f) HWY_ATTR { bytes.store(marks + f); });
-    least.store(out.least, out.at);
+    bounds_.for_each_least(i, choose_first,
+                           [&](std::size_t face) HWY_ATTR { others_[other_count_++] = item(i, face); });
+    pairs_.size[i] = pairs_.box(i).bounding_radius + hull.bounding_radius();
+    ball_[i] = hull.inner_radius();
+    pairs_.work.directions += 1;
+    pairs_.work.pass<float>(hull.face_count());
   }
 
-  /// A face of a box that can have less overlap than all faces of the hull.
-  struct Item {
-    std::uint32_t pair;
-    std::uint32_t face;  ///< twice the axis; one more on the negative side
-  };
+  /// Evaluates another face, whose bound is equal within the errors. Among equals the first is chosen.
+  void consider(Item item) {
+    const std::size_t i = item.pair;
+    const geometry::Hull& hull = *pairs_.hull[i];
+    const Vec3f normal = hull.normal(item.face), n = rotate(pairs_.placed.rotation_of(i), normal);
+    const float of_box =
+        (std::abs(n.x) * pairs_.placed.first_size(0)[i] + std::abs(n.y) * pairs_.placed.first_size(1)[i]) +
+        std::abs(n.z) * pairs_.placed.first_size(2)[i];
+    const float overlap = of_box + (hull.offset()[item.face] + dot(n, pairs_.placed.offset_of(i)));
+    if (overlap < pairs_.best[i]) {
+      pairs_.best[i] = overlap;
+      put(normal, normal_, i);
+    }
+    bounds_.correct_signs(i, item.face, n);
+    ++pairs_.work.directions;
+  }
 
   void list_faces_of_box() {
-    std::uint32_t undecided = 0;
-    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) undecided |= 1u << pairs_.undecided.pair[u];
     for (std::size_t i = 0; i < pairs_.count; i += lanes) {
       const Vector<D> of_hull{hn::LoadU(d, pairs_.placed.second_size(0) + i),
                               hn::LoadU(d, pairs_.placed.second_size(1) + i),
@@ -144,16 +147,16 @@ class BoxHullFaces {
       const V at[3] = {centre.x, centre.y, centre.z};
       const V most = (hn::Load(d, pairs_.best + i) - hn::Load(d, ball_ + i)) +
                      hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
-      for (std::uint32_t k = 0; k < 3; ++k) {
+      for (std::size_t k = 0; k < 3; ++k) {
         const V half = pairs_.half(static_cast<int>(k), i);
-        append(bits_of(d, hn::Lt(half - at[k], most)) & undecided >> i, i, 2 * k);
-        append(bits_of(d, hn::Lt(half + at[k], most)) & undecided >> i, i, 2 * k + 1);
+        append(bits_of(d, hn::Lt(half - at[k], most)), i, 2 * k);
+        append(bits_of(d, hn::Lt(half + at[k], most)), i, 2 * k + 1);
       }
     }
   }
-  HWY_INLINE void append(std::uint32_t bits, std::size_t i, std::uint32_t face) {
+  HWY_INLINE void append(std::uint32_t bits, std::size_t i, std::size_t face) {
     for (; bits != 0; bits &= bits - 1) {
-      items_[count_++] = {static_cast<std::uint32_t>(i) + static_cast<std::uint32_t>(std::countr_zero(bits)), face};
+      items_[count_++] = item(i + static_cast<std::size_t>(std::countr_zero(bits)), face);
     }
   }
 
@@ -196,10 +199,16 @@ class BoxHullFaces {
   }
 
   BoxHullPairs& pairs_;
-  LeastLanes overlaps_[block_pairs];
+  BoxHullBounds& bounds_;
   std::size_t count_ = 0;
   Item items_[6 * block_pairs];
-  alignas(64) Column3 normal_;                // of the hull's face with the least overlap, in the axes of the hull
+  // Faces of hulls whose bounds are equal to the least within the errors.
+  std::size_t other_count_ = 0;
+  Item others_[block_pairs * max_faces];
+  // The face of the hull with the least overlap, its normal in the axes of the hull, and its offset.
+  alignas(64) std::uint32_t face_[block_pairs];
+  alignas(64) Column3 normal_;
+  alignas(64) float height_[block_pairs];
   alignas(64) float ball_[block_pairs];       // the radius of the ball inside the hull
   alignas(64) float extent_[6][block_pairs];  // of the hull beyond its origin, against the normal of each face
 };

@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "narrow_phase/hull/face_bytes-inl.hpp"
 #include "narrow_phase/hull/hull_block-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -26,9 +25,6 @@ struct BoxHullPairs {
   using Column3 = float[3][block_pairs];
   static constexpr D d{};
   static constexpr std::size_t lanes = hn::MaxLanes(D());
-  /// The bits of `face_bytes`: three for points of the box, set where they are too deep below the face; from sign_bit
-  /// on one for each axis of the box, set where the normal's coordinate is negative.
-  static constexpr int sign_bit = 3;
 
   BoxHullPairs(const KernelInput& kernel_input, const KernelPair* pairs, std::size_t pair_count, WorkCounts& counts)
       : input(kernel_input), count(pair_count), work(counts) {
@@ -56,9 +52,7 @@ struct BoxHullPairs {
   alignas(64) float best[block_pairs];  ///< the least overlap found
   alignas(64) Column3 best_direction;   ///< its direction, from box to hull; unit but for rounding
   alignas(64) float size[block_pairs];  ///< the sum of the two bounding radii
-  /// One byte for each face of the hull, by which edges are listed.
-  alignas(64) std::uint8_t face_bytes[block_pairs][max_faces];
-  std::uint32_t doubtful = 0;  ///< one bit per pair: rounding could decide it wrongly
+  std::uint32_t doubtful = 0;           ///< one bit per pair: rounding could decide it wrongly
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -8,35 +8,25 @@
 #define RINGFENCE_NARROW_PHASE_FIXED_DEPTHS_INL
 #endif
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
-#include "narrow_phase/hull/hull_block-inl.hpp"
+#include "narrow_phase/hull/fixed_point-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// How deep up to three points lie below each face of one hull of each pair, in numbers of 16 bits, for bounds: a
-/// vector holds twice as many of them as floats, and those of a block stay in the first-level cache between the steps
-/// of the test. Use: set_units() and set_point() for all pairs, reserve() once for each, then for_each_vector() any
-/// number of times.
+/// How deep up to three points lie below each face of one hull of each pair, in numbers of 16 bits, for bounds. Use:
+/// set_units() and set_point() for all pairs, reserve() once for each, then for_each_vector() any number of times.
 ///
-/// Each pair has its own unit of length: a 16,000th of a radius around the centroid of the hull that contains the hull
+/// The unit of a pair is a 16,000th of a radius: that of a ball around the centroid of the hull that contains the hull
 /// and the points. So a depth is between -1 and 2 radii. One radius is subtracted, and one more can be added, so that
 /// what is computed fits into 16 bits.
 ///
 /// Error of a depth in units, less than 5: the points 0.9, the normals 0.6, three products 1.5, the distance of the
 /// plane 0.5, its conversion 1. What is decided by depths must stay right if they are off by `error`.
-class FixedDepths {
+class FixedDepths : public FixedPoint {
  public:
-  using D = Columns16<float>;
-  using V = hn::Vec<D>;
-  using Fixed = hn::CappedTag<std::int16_t, geometry::fixed_point_lanes>;
-  using F = hn::Vec<Fixed>;
-  static constexpr D d{};
-  static constexpr Fixed fixed{};
-  static constexpr std::size_t lanes = hn::MaxLanes(Fixed());
   static constexpr std::size_t points = 3;
   static constexpr float units_in_radius = 16000;
   /// In units; one more than the error of a depth, for the rounding of what it is compared with.
@@ -57,26 +47,13 @@ class FixedDepths {
     store(p.z * scale, point_[which][2] + i);
   }
 
-  /// Writes lengths in units, each less than 2^22: rounded to the nearest, saturated to 16 bits.
-  static HWY_INLINE void store(V lengths, std::int16_t* to) {
-    const hn::Rebind<std::int16_t, D> narrow;
-    const hn::RebindToSigned<D> ints;
-    // Neighbouring floats of this size differ by 1, so the sum is rounded to a whole number, which is in its lowest
-    // bits.
-    const V big = hn::Set(d, 12582912.0f);
-    const auto whole = hn::Sub(hn::BitCast(ints, lengths + big), hn::BitCast(ints, big));
-    hn::StoreU(hn::DemoteTo(narrow, whole), narrow, to);
-  }
-  /// The same for what depths are compared with, of any size.
+  /// Writes what depths are compared with, of any size.
   static HWY_INLINE void store_limit(V depths, std::int16_t* to) {
     store(hn::Min(depths, hn::Set(d, 3 * units_in_radius)) - hn::Set(d, units_in_radius), to);
   }
 
   /// Reserves memory for the depths of one pair.
-  HWY_INLINE void reserve(std::size_t i, std::size_t faces) {
-    begin_[i] = used_;
-    used_ += points * geometry::padded_fixed_point(faces);
-  }
+  HWY_INLINE void reserve(std::size_t i, const geometry::Hull& hull) { depths_.reserve(i, hull); }
 
   /// A point of one pair in all lanes.
   struct Spread {
@@ -117,23 +94,16 @@ class FixedDepths {
   /// Calls `visit(faces, f)` for each vector of faces of one pair: those from f on.
   template <class Visit>
   HWY_INLINE void for_each_vector(const geometry::Hull& hull, std::size_t i, const Visit& visit) {
-    const std::int16_t* planes = hull.fixed_point_planes();
-    std::int16_t* depths = depth_ + begin_[i];
-    for (std::size_t f = 0; f < hull.face_count(); f += stride, planes += 4 * stride, depths += points * stride) {
-      const std::size_t end = lanes < stride ? std::min(stride, hull.face_count() - f) : stride;
-      for (std::size_t k = 0; k < end; k += lanes) visit(Faces(planes + k, depths + k), f + k);
-    }
+    depths_.for_each_vector(hull, i, [&](const std::int16_t* planes, std::int16_t* depths, std::size_t f) HWY_ATTR {
+      visit(Faces(planes, depths), f);
+    });
   }
 
  private:
-  static constexpr std::size_t stride = geometry::fixed_point_lanes;
-
-  std::size_t used_ = 0;
-  std::size_t begin_[block_pairs];
+  FixedColumns<points> depths_;
   alignas(64) float units_[block_pairs];
   alignas(64) std::int16_t extent_[block_pairs];
   alignas(64) std::int16_t point_[points][3][block_pairs];
-  alignas(64) std::int16_t depth_[block_pairs * points * max_faces];
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -45,14 +45,12 @@ class HullBounds {
   /// The face of one hull with the least bound, computed in float; the first if there are several.
   HWY_INLINE std::size_t least_face(std::size_t side, std::size_t i) {
     const geometry::Hull& own = hull(side, i);
-    const hn::CappedTag<std::int16_t, reduced_lanes> reduced;
-    const std::int16_t least = hn::GetLane(hn::MinOfLanes(reduced, hn::Load(reduced, least_[side][i])));
     const F ball = hn::Set(fixed, ball_[side][i]),
-            limit = hn::SaturatedAdd(hn::Set(fixed, least), hn::Set(fixed, window_[i]));
+            limit = hn::SaturatedAdd(hn::Set(fixed, least_[side].get(i)), hn::Set(fixed, window_[i]));
     std::size_t face = 0, found = 0;
     depths_[side].for_each_vector(own, i, [&](const Faces& faces, std::size_t f) HWY_ATTR {
       const F bound = hn::Max(hn::Add(faces.depth(of_ball), ball), faces.depth(of_first));
-      const std::uint32_t bits = bits_of(fixed, hn::Lt(bound, limit)) & real_faces(own, f);
+      const std::uint32_t bits = bits_of(fixed, hn::Lt(bound, limit)) & FixedPoint::real_faces(own, f);
       found += static_cast<std::size_t>(std::popcount(bits));
       face = bits != 0 ? f + static_cast<std::size_t>(std::countr_zero(bits)) : face;
     });
@@ -76,7 +74,7 @@ class HullBounds {
     depths.for_each_vector(own, i, [&](const Faces& faces, std::size_t f) HWY_ATTR {
       const F bound = hn::Max(faces.compute(of_second, faces.distance(extent), second),
                               hn::Max(hn::Add(faces.depth(of_ball), ball), faces.depth(of_first)));
-      word |= std::uint64_t{bits_of(fixed, hn::Lt(bound, limit)) & real_faces(own, f)} << f % 64;
+      word |= std::uint64_t{bits_of(fixed, hn::Lt(bound, limit)) & FixedPoint::real_faces(own, f)} << f % 64;
       if ((f + FixedDepths::lanes) % 64 == 0 || f + FixedDepths::lanes >= own.face_count()) {
         word &= ~(std::uint64_t{evaluated / 64 == f / 64} << evaluated % 64);
         count = append_few_bits(word, i << 16 | f / 64 * 64, items, count);
@@ -123,23 +121,17 @@ class HullBounds {
   static constexpr FixedDepths::Fixed fixed{};
   /// The points whose depths are computed.
   enum : std::size_t { of_ball, of_first, of_second };
-  static constexpr std::size_t reduced_lanes = 8;
 
   HWY_INLINE const geometry::Hull& hull(std::size_t side, std::size_t i) const { return *pairs_.hull[side][i]; }
   /// The best overlap so far, more by what rounding could make of it.
   HWY_INLINE V most(std::size_t i) const {
     return hn::Load(d, pairs_.best + i) + hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
   }
-  /// One bit for each face from f on that is not padding.
-  static HWY_INLINE std::uint32_t real_faces(const geometry::Hull& hull, std::size_t f) {
-    return first_bits(hull.face_count() - f);
-  }
-
   HWY_INLINE void reserve(std::size_t i) {
     for (std::size_t side = 0; side < 2; ++side) {
       extent_[side][i] = hull(side, i).extent();
       inner_radius_[side][i] = hull(1 - side, i).inner_radius();
-      depths_[side].reserve(i, hull(side, i).face_count());
+      depths_[side].reserve(i, hull(side, i));
     }
   }
 
@@ -189,24 +181,13 @@ class HullBounds {
     FixedDepths& depths = depths_[side];
     const FixedDepths::Spread centre = depths.point(of_ball, i), first = depths.point(of_first, i);
     const F ball = hn::Set(fixed, ball_[side][i]), extent = depths.extent(i);
-    F least = hn::Set(fixed, std::int16_t{32767});
+    F least = hn::Set(fixed, FixedPoint::greatest);
     depths.for_each_vector(hull(side, i), i, [&](const Faces& faces, std::size_t) HWY_ATTR {
       const F distance = faces.distance(extent);
       const F by_ball = hn::Add(faces.compute(of_ball, distance, centre), ball);
       least = hn::Min(least, hn::Max(by_ball, faces.compute(of_first, distance, first)));
     });
-    store_reduced(fixed, least, least_[side][i]);
-  }
-
-  /// Stores the least lanes. Not reduced to one, so that no step waits for the chain of shuffles.
-  template <class E>
-  static HWY_INLINE void store_reduced(E e, hn::Vec<E> v, std::int16_t* to) {
-    if constexpr (hn::MaxLanes(E()) <= reduced_lanes) {
-      hn::StoreU(v, e, to);
-    } else {
-      const hn::Half<E> half;
-      store_reduced(half, hn::Min(hn::LowerHalf(half, v), hn::UpperHalf(half, v)), to);
-    }
+    least_[side].put(i, least);
   }
 
   /// For hulls with several faces whose bounds are equal within the error.
@@ -230,7 +211,7 @@ class HullBounds {
   alignas(64) float inner_radius_[2][block_pairs];  // of the other hull
   alignas(64) float squared_radius_[block_pairs];   // of the ball that holds the hulls and the points
   alignas(64) std::int16_t ball_[2][block_pairs];   // the same in units
-  alignas(64) std::int16_t least_[2][block_pairs][reduced_lanes];
+  LeastFixed least_[2];
   alignas(64) std::int16_t window_[block_pairs];  // what bounds must differ by for one to be less in float
   alignas(64) std::int16_t limit_[block_pairs];
   alignas(64) std::int16_t edges_by_point_[block_pairs], edges_by_ball_[2][block_pairs];

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
 
 #include "narrow_phase/hull/polytope_lanes-inl.hpp"
 
@@ -76,7 +77,7 @@ HWY_INLINE std::size_t append_few_bits(std::uint64_t bits, std::size_t first, In
 /// Entries that append_edges() may write past the last.
 inline constexpr std::size_t edge_list_slack = 32;
 
-/// The same for the edges of a hull, of which there are often more than four.
+/// The same for the edges of a hull tested with another hull, of which there are often more than four.
 HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint16_t* out, std::size_t count) {
 #if HWY_TARGET == HWY_AVX3_DL
   // The indices of all set bits by one instruction.
@@ -89,10 +90,6 @@ HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::
     return count + added;
   }
 #endif
-  return append_bits(bits, first, out, count);
-}
-/// Of a hull tested with a box fewer than four edges are listed on average, so the loop is faster.
-HWY_INLINE std::size_t append_edges(std::uint64_t bits, std::size_t first, std::uint32_t* out, std::size_t count) {
   return append_bits(bits, first, out, count);
 }
 
@@ -132,32 +129,64 @@ HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t 
 }
 #endif
 
-/// Writes the edges for whose faces' bytes `keep(left, right)` is true, ascending, with `tag` in the upper bits.
-/// Returns their number. `out` has room for all edges and edge_list_slack more. `bytes_of_faces` is padded to 16 bytes,
-/// and 64 bytes can be read.
-template <class Index, class Keep>
-HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
-                                        Index tag, Index* out) {
-  std::size_t count = 0;
 #if HWY_TARGET != HWY_SCALAR
-  if (own.faces_of_edges != nullptr) {
-    const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
-    const std::uint8_t* const left = own.faces_of_edges;
-    const std::uint8_t* const right = left + face_column_stride(own);
-    for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
-      const auto of_left = looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left + i));
-      const auto of_right = looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, right + i));
-      std::uint64_t chance = byte_bits(bytes, keep(bytes, of_left, of_right));
-      if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
-      count = append_edges(chance, tag | i, out, count);
+/// The bytes of the faces to the left and to the right of the edges of a vector.
+template <class B>
+struct EdgeBytes {
+  hn::Vec<B> left, right;
+
+  /// `bytes_of_faces` is padded to 16 bytes, and 64 bytes can be read.
+  static HWY_INLINE EdgeBytes of(B bytes, const Polytope& own, const std::uint8_t* bytes_of_faces, std::size_t edge) {
+    if (HWY_LIKELY(own.faces_of_edges != nullptr)) {
+      const std::uint8_t* const left = own.faces_of_edges + edge;
+      return {looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left)),
+              looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left + face_column_stride(own)))};
     }
-    return count;
+    alignas(64) std::uint8_t left[hn::MaxLanes(B())], right[hn::MaxLanes(B())];
+    const std::size_t count = std::min(hn::MaxLanes(B()), own.edges - edge);
+    for (std::size_t k = 0; k < count; ++k) {
+      left[k] = bytes_of_faces[own.edge[edge + k].left];
+      right[k] = bytes_of_faces[own.edge[edge + k].right];
+    }
+    return {hn::Load(bytes, left), hn::Load(bytes, right)};
   }
+};
 #endif
-  for (std::size_t i = 0; i < own.edges; ++i) {
-    out[count] = static_cast<Index>(tag | i);
-    count += keep(bytes_of_faces[own.edge[i].left], bytes_of_faces[own.edge[i].right]);
+
+/// Calls `visit(bits, i)` with one bit for each of the 64 edges from i on: set if `keep(left, right)` is true for the
+/// bytes of its faces.
+template <class Keep, class Visit>
+HWY_INLINE void select_edges(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
+                             const Visit& visit) {
+#if HWY_TARGET == HWY_SCALAR
+  constexpr std::size_t lanes = 1;
+  const auto chosen = [&](std::size_t i) {
+    return std::uint64_t{keep(bytes_of_faces[own.edge[i].left], bytes_of_faces[own.edge[i].right])};
+  };
+#else
+  const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
+  constexpr std::size_t lanes = hn::MaxLanes(bytes);
+  const auto chosen = [&](std::size_t i) HWY_ATTR {
+    const auto [left, right] = EdgeBytes<std::remove_const_t<decltype(bytes)>>::of(bytes, own, bytes_of_faces, i);
+    return byte_bits(bytes, keep(bytes, left, right));
+  };
+#endif
+  for (std::size_t i = 0; i < own.edges; i += 64) {
+    std::uint64_t word = chosen(i);
+    for (std::size_t k = lanes; k < 64 && i + k < own.edges; k += lanes) word |= chosen(i + k) << k;
+    if (own.edges - i < 64) word &= (std::uint64_t{1} << (own.edges - i)) - 1;
+    visit(word, i);
   }
+}
+
+/// Writes the edges that select_edges() selects, ascending, with `tag` in the upper bits. Returns their number. `out`
+/// has room for all edges and edge_list_slack more.
+template <class Keep>
+HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
+                                        std::uint16_t tag, std::uint16_t* out) {
+  std::size_t count = 0;
+  select_edges(own, bytes_of_faces, keep,
+               [&](std::uint64_t bits, std::size_t i) HWY_ATTR { count = append_edges(bits, tag | i, out, count); });
   return count;
 }
 

@@ -224,11 +224,6 @@ class Least {
 
   HWY_INLINE T value() const { return hn::GetLane(hn::MinOfLanes(d, least_)); }
 
-  HWY_INLINE void store(T* least, hwy::MakeSigned<T>* at) const {
-    hn::Store(least_, d, least);
-    hn::Store(at_, ints, at);
-  }
-
   HWY_INLINE std::size_t index() const {
     alignas(64) Int at[hn::MaxLanes(d)];
     hn::Store(at_, ints, at);
@@ -243,33 +238,6 @@ class Least {
   hn::Vec<hn::RebindToSigned<Columns16<T>>>
       at_;  // for each lane: the start index of the vector that holds its least value
 };
-
-/// The state of a search for a least value in memory, so that four of them are reduced together.
-struct LeastLanes {
-  static constexpr Columns16<float> d{};
-  static constexpr std::size_t lanes = hn::MaxLanes(d);
-  alignas(64) float least[lanes];
-  alignas(64) std::int32_t at[lanes];
-
-  /// The lowest index of this value, which is the least.
-  HWY_INLINE std::size_t index_of(float value) const {
-    return lowest_index(bits_of(d, hn::Eq(hn::Load(d, least), hn::Set(d, value))), at);
-  }
-};
-
-/// Calls `visit(k, value, index)` for the least value of each of `count` searches and its lowest index.
-template <class Visit>
-HWY_INLINE void for_each_least(const LeastLanes* searches, std::size_t count, const Visit& visit) {
-  const Columns16<float> d;
-  for (std::size_t k = 0; k < count; k += 4) {
-    const std::size_t size = std::min<std::size_t>(4, count - k);
-    const auto greatest = [&](std::size_t m)
-                              HWY_ATTR { return hn::Neg(hn::Load(d, searches[k + std::min(m, size - 1)].least)); };
-    float most[4];
-    geometry::HWY_NAMESPACE::max_lanes_of_four(d, greatest(0), greatest(1), greatest(2), greatest(3), most);
-    for (std::size_t m = 0; m < size; ++m) visit(k + m, -most[m], searches[k + m].index_of(-most[m]));
-  }
-}
 
 /// The index of the least of `values`; the lowest index if there are several. The padding to 16 values must not be
 /// less.

@@ -90,21 +90,16 @@ struct Feature {
   }
 };
 
-/// Finds the feature; `out.height` is already the greatest distance of a vertex along the direction.
+/// Finds the feature of a polytope along a direction. Vertices belong to it if they are at most `slack` less far.
 template <class T>
-HWY_INLINE void find_feature_at_height(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
+HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
   const Columns16<T> d;
+  out.height = support<T>(p, direction);
   const auto direction_lanes = spread_out(d, direction);
   const auto least = hn::Set(d, out.height - slack);
   out.count = collect(d, p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR {
     return hn::Ge(dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), direction_lanes), least);
   });
-}
-
-template <class T>
-HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
-  out.height = support<T>(p, direction);
-  find_feature_at_height<T>(p, direction, slack, out);
 }
 
 /// The distance by which a point lies outside of a polytope: the greatest distance from a face's plane, negative
