@@ -3,7 +3,7 @@
 // The least overlap is along the normal of a face of the box, the normal of a face of the hull, or a direction across
 // one edge of each shape whose arcs of normals cross (as for any two polytopes: see polytope_pair-inl.hpp). The support
 // of a box needs no search: it is |n| · half extents in the box's own axes. So the overlap along all face normals of
-// the hull is computed exactly. Bounds exclude most faces of the box and most edges; see the class of each step.
+// the hull is bounded in one pass. The bounds exclude most faces and most edges; see the class of each step.
 //
 // PolytopePair tests a pair again, alone, where rounding could decide wrongly: edges are nearly parallel, arcs nearly
 // miss each other, the depth differs from the least overlap, or the contact point lies outside a shape.

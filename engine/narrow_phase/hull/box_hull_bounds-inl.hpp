@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -123,15 +122,11 @@ class BoxHullBounds : private FixedPoint {
   /// The numbers of a face: h_k·n_k of three axes, and the bound of the overlap.
   enum : std::size_t { product, bound = 3 };
 
-  /// Converts what bound_faces_of() reads to units.
+  /// Chooses the units, and converts what bound_faces_of() reads.
   void place(std::size_t i) {
     const Rotation<D> r = pairs_.placed.rotation_lanes(d, i);
-    const Vector<D> centroid{hn::LoadU(d, pairs_.placed.second_size(0) + i),
-                             hn::LoadU(d, pairs_.placed.second_size(1) + i),
-                             hn::LoadU(d, pairs_.placed.second_size(2) + i)};
-    const Vector<D> to_hull = add(d, rotate(d, r, centroid), pairs_.placed.offset_lanes(d, i));
     const V extent = hn::Load(d, extent_ + i);
-    const Vector<D> half = pairs_.half_lanes(i), from = negate(d, to_hull);
+    const Vector<D> half = pairs_.half_lanes(i), from = negate(d, pairs_.hull_centres(i));
     const V longest = hn::Max(hn::Max(half.x, half.y), half.z);
     const V radius = hn::Max(extent + hn::Sqrt(dot(d, from, from)), hn::Set(d, 3.0f) * longest);
     const V units = hn::Set(d, units_in_radius) / radius;
@@ -201,6 +196,7 @@ class BoxHullBounds : private FixedPoint {
     for (; HWY_UNLIKELY(bits != 0); bits &= bits - 1) visit(first + static_cast<std::size_t>(std::countr_zero(bits)));
   }
 
+  /// For limit_edges(): the best overlap, more by what rounding could make of it and by the errors of bounds.
   HWY_INLINE void store_limit(std::size_t i) {
     const V most = hn::Load(d, pairs_.best + i) + hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
     store(hn::Min(most * hn::Load(d, units_ + i) + hn::Set(d, depth_error), hn::Set(d, float{greatest})), limit_ + i);
@@ -232,7 +228,7 @@ class BoxHullBounds : private FixedPoint {
   alignas(64) float extent_[block_pairs];  // of the hulls
   alignas(64) float units_[block_pairs];   // units in a metre
   alignas(64) std::int16_t fixed_extent_[block_pairs];
-  alignas(64) std::int16_t centre_[3][block_pairs];   // of the part, from the hull's centroid in the hull's axes
+  alignas(64) std::int16_t centre_[3][block_pairs];   // of the box, from the hull's centroid in the hull's axes
   alignas(64) std::int16_t rows_[3][3][block_pairs];  // the axes of the box in the hull's axes times the half extents
   alignas(64) std::int16_t limit_[block_pairs];
 };

@@ -67,7 +67,8 @@ class BoxHullEdges {
     std::size_t edge() const { return pair_and_edge & 0xffff; }
   };
 
-  /// Whether an edge can have less overlap than the best direction, by the bytes of its two faces.
+  /// Whether an edge can have less overlap than the best direction, by the bytes that BoxHullBounds::mark_faces() has
+  /// written for its two faces.
   ///
   /// On the arc between the normals of the two faces, the overlap is at least the depth of any point of the box below
   /// the plane of support. If this depth is at least the best overlap at both ends of the arc, it is so on all of it,
@@ -82,11 +83,11 @@ class BoxHullEdges {
   /// limits allow for. Faces that are as good as the best one within the errors have the right signs.
   struct RelevantEdge {
     static constexpr std::uint8_t axes = 7;
-    static constexpr int to_deep = 3;
+    static constexpr int deep_bit = 3;
 
     HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const {
-      const unsigned crossed = (unsigned{left} ^ unsigned{right}) & axes, of_left = crossed & unsigned{left} >> to_deep,
-                     of_right = crossed & unsigned{right} >> to_deep;
+      const unsigned crossed = (unsigned{left} ^ unsigned{right}) & axes,
+                     of_left = crossed & unsigned{left} >> deep_bit, of_right = crossed & unsigned{right} >> deep_bit;
       const bool several = (crossed & (crossed - 1)) != 0, by_one_face = of_left == 0 || of_right == 0;
       return (crossed & ~(of_left | of_right)) != 0 || crossed == axes || (several && by_one_face);
     }
@@ -97,7 +98,7 @@ class BoxHullEdges {
       const hn::Repartition<std::uint16_t, B> pairs;
       // The bits that come from the other byte are not among those that are used.
       const auto deep = [&](hn::Vec<B> v)
-                            HWY_ATTR { return hn::BitCast(b, hn::ShiftRight<to_deep>(hn::BitCast(pairs, v))); };
+                            HWY_ATTR { return hn::BitCast(b, hn::ShiftRight<deep_bit>(hn::BitCast(pairs, v))); };
       const auto crossed = hn::And(hn::Xor(left, right), all), of_left = deep(left), of_right = deep(right);
       const auto by_one_face =
           hn::Or(hn::Eq(hn::And(crossed, of_left), none), hn::Eq(hn::And(crossed, of_right), none));
@@ -139,6 +140,7 @@ class BoxHullEdges {
     }
     return count;
   }
+
   void evaluate_edges(const std::uint32_t* items, std::size_t count) {
     for (std::size_t begin = 0; begin < count; begin += lanes)
       evaluate_vector(items + begin, std::min(lanes, count - begin));

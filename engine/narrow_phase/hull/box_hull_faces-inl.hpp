@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -104,7 +105,7 @@ class BoxHullFaces {
     for (std::size_t k = 0; k < other_count_; ++k) consider(others_[k]);
   }
 
-  /// Chooses the face with the least bound. It nearly always has the least overlap.
+  /// Chooses the first face whose bound is the least within the errors. It nearly always has the least overlap.
   HWY_INLINE void choose_face(std::size_t i) {
     const geometry::Hull& hull = *pairs_.hull[i];
     const auto choose_first = [&](std::size_t face) HWY_ATTR {
@@ -139,11 +140,7 @@ class BoxHullFaces {
 
   void list_faces_of_box() {
     for (std::size_t i = 0; i < pairs_.count; i += lanes) {
-      const Vector<D> of_hull{hn::LoadU(d, pairs_.placed.second_size(0) + i),
-                              hn::LoadU(d, pairs_.placed.second_size(1) + i),
-                              hn::LoadU(d, pairs_.placed.second_size(2) + i)};
-      const Vector<D> centre =
-          add(d, rotate(d, pairs_.placed.rotation_lanes(d, i), of_hull), pairs_.placed.offset_lanes(d, i));
+      const Vector<D> centre = pairs_.hull_centres(i);
       const V at[3] = {centre.x, centre.y, centre.z};
       const V most = (hn::Load(d, pairs_.best + i) - hn::Load(d, ball_ + i)) +
                      hn::Set(d, Rounding<float>::overlap) * hn::Load(d, pairs_.size + i);
@@ -205,10 +202,11 @@ class BoxHullFaces {
   // Faces of hulls whose bounds are equal to the least within the errors.
   std::size_t other_count_ = 0;
   Item others_[block_pairs * max_faces];
-  // The face of the hull with the least overlap, its normal in the axes of the hull, and its offset.
+  // The face of the hull that is evaluated in lanes, and its offset; the normal with the least overlap, in the axes of
+  // the hull.
   alignas(64) std::uint32_t face_[block_pairs];
-  alignas(64) Column3 normal_;
   alignas(64) float height_[block_pairs];
+  alignas(64) Column3 normal_;
   alignas(64) float ball_[block_pairs];       // the radius of the ball inside the hull
   alignas(64) float extent_[6][block_pairs];  // of the hull beyond its origin, against the normal of each face
 };

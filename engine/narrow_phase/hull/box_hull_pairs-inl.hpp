@@ -38,6 +38,12 @@ struct BoxHullPairs {
   HWY_INLINE V half(int k, std::size_t i) const { return hn::LoadU(d, placed.first_size(k) + i); }
   HWY_INLINE Vector<D> half_lanes(std::size_t i) const { return {half(0, i), half(1, i), half(2, i)}; }
   HWY_INLINE V offset(int k, std::size_t i) const { return hn::LoadU(d, placed.offset(k) + i); }
+  /// The centroids of the hulls.
+  HWY_INLINE Vector<D> hull_centres(std::size_t i) const {
+    const Vector<D> in_hull{hn::LoadU(d, placed.second_size(0) + i), hn::LoadU(d, placed.second_size(1) + i),
+                            hn::LoadU(d, placed.second_size(2) + i)};
+    return add(d, rotate(d, placed.rotation_lanes(d, i), in_hull), placed.offset_lanes(d, i));
+  }
   HWY_INLINE const geometry::ShapeRow& box(std::size_t i) const {
     return input.shapes.row(input.bodies[pair[i].first].shape);
   }

@@ -18,8 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Lengths in numbers of 16 bits. Each pair has its own unit: a 16,000th of a radius that no length of the pair
-/// exceeds.
+/// Lengths in numbers of 16 bits. Each pair has its own unit, a small part of its size.
 struct FixedPoint {
   using D = Columns16<float>;
   using V = hn::Vec<D>;

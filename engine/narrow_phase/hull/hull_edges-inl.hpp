@@ -142,7 +142,8 @@ struct EdgeBytes {
       return {looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left)),
               looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left + face_column_stride(own)))};
     }
-    alignas(64) std::uint8_t left[hn::MaxLanes(B())], right[hn::MaxLanes(B())];
+    // Without columns of bytes, for more than 256 faces. What lies past the last edge is not selected.
+    alignas(64) std::uint8_t left[hn::MaxLanes(B())] = {}, right[hn::MaxLanes(B())] = {};
     const std::size_t count = std::min(hn::MaxLanes(B()), own.edges - edge);
     for (std::size_t k = 0; k < count; ++k) {
       left[k] = bytes_of_faces[own.edge[edge + k].left];
