@@ -65,26 +65,47 @@ void make_hull(std::span<const Vec3d> points, const Frame& frame, Polygon& out) 
   if (out.size > 1) --out.size;  // the first point again
 }
 
+/// How far each corner of a polygon is to the left of a line, scaled; the first corner again at the end.
+using Sides = std::array<double, 4 * max_feature_points + 1>;
+
 /// Two polygons that take turns, so that none is copied: each has 16 KiB, most of it unused.
 struct Spares {
   Polygon polygons[2];
+  Sides left;
 };
+
+/// Fills `left` for the line through `from` along `side`. Returns the least.
+double compute_left(const Polygon& polygon, Point2 from, Point2 side, Sides& left) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < polygon.size; ++i) {
+    left[i] = cross_2d(side, polygon.corner[i] - from);
+    least = std::min(least, left[i]);
+  }
+  left[polygon.size] = left[0];
+  return least;
+}
+
+/// The part of a polygon to the left of a line.
+void cut(const Polygon& polygon, const Sides& left, Polygon& out) {
+  out.size = 0;
+  for (std::size_t i = 0; i < polygon.size; ++i) {
+    const Point2 p = polygon.corner[i];
+    const double p_left = left[i], q_left = left[i + 1];
+    if (p_left >= 0) out.append(p);
+    if ((p_left > 0 && q_left < 0) || (p_left < 0 && q_left > 0)) {
+      out.append(between(p, polygon.next(i), p_left / (p_left - q_left)));
+    }
+  }
+}
 
 /// `subject` clipped by `by`, whose area must not be zero (Sutherland and Hodgman 1974).
 const Polygon& clip(const Polygon& subject, const Polygon& by, Spares& spares) {
   const Polygon* clipped = &subject;
   for (std::size_t s = 0; s < by.size && clipped->size > 0; ++s) {
-    const Point2 from = by.corner[s], side = by.next(s) - from;
-    Polygon& next = spares.polygons[s % 2];
-    next.size = 0;
-    for (std::size_t i = 0; i < clipped->size; ++i) {
-      const Point2 p = clipped->corner[i], q = clipped->next(i);
-      const double p_left = cross_2d(side, p - from), q_left = cross_2d(side, q - from);
-      if (p_left >= 0) next.append(p);
-      if ((p_left > 0 && q_left < 0) || (p_left < 0 && q_left > 0)) {
-        next.append(between(p, q, p_left / (p_left - q_left)));
-      }
-    }
+    const Point2 from = by.corner[s];
+    if (compute_left(*clipped, from, by.next(s) - from, spares.left) >= 0) continue;
+    Polygon& next = clipped == &spares.polygons[0] ? spares.polygons[1] : spares.polygons[0];
+    cut(*clipped, spares.left, next);
     clipped = &next;
   }
   return *clipped;
