@@ -111,6 +111,8 @@ class Star {
     for (const auto& spoke : spokes_) {
       spoke->parcel_channel.disarm();
       take(*spoke);
+      // A link takes nothing before the node has accepted its memory.
+      if (spoke->parcel_channel.has_unsent()) spoke->parcel_channel.flush();
       is_idle &= spoke->parcel_channel.arm();
     }
     return is_idle;
