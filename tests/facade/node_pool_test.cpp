@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <doctest/doctest.h>
+#include <sys/prctl.h>
 
 #include "facade/duplex_channel.hpp"
 #include "geometry/shape_table.hpp"
@@ -186,6 +187,21 @@ TEST_CASE("if one of several threads cannot be created, none is kept, and a late
   REQUIRE(fixture.pool.prepare_threads(2));  // one too many ends
   fixture.pool.each_worker([&](Worker&) { ++threads; });
   CHECK(threads == 2);
+}
+
+TEST_CASE("the kernel's table of sleeping threads is large enough for the threads of a pool before they start") {
+  const auto slots = [] { return prctl(78, 2ul, 0ul, 0ul, 0ul); };  // PR_FUTEX_HASH, since Linux 6.16
+  std::thread([] {}).join();                                        // a process with one thread has no table
+  const int before = slots();
+  if (before < 0 || before > 256) {
+    MESSAGE("this kernel has one table for all processes, or another test has enlarged that of this process");
+    return;
+  }
+  Fixture fixture;
+  const auto threads = static_cast<std::size_t>(2 * before + 64);
+  REQUIRE(fixture.pool.prepare_threads(threads));
+  CHECK(slots() >= static_cast<int>(threads / 2));
+  REQUIRE(fixture.pool.prepare_threads(0));
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       dispatch_(state_),
       scheduler_(state_, *exchange_, states_),
       cut_(state_, *exchange_, states_, scheduler_, dispatch_),
+      opening_(state_, *exchange_),
       relay_(state_, *exchange_),
       node_ingest_(state_, *exchange_, states_, statistics_),
       user_ingest_(state_, statistics_),
@@ -112,7 +113,7 @@ void ServerRole::cut() {
   failover_.begin();
   deadlines_.begin();
   exchange_->expect_nodes();
-  cut_.start_nodes();
+  opening_.start_nodes();
   state_.stage = FrameStage::starting_nodes;
 }
 
@@ -152,10 +153,10 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.send_to_nodes([&](const PeerSession& node) { return cut_.has_opening(node); },
+      if (!state_.send_to_nodes([&](const PeerSession& node) { return opening_.has_opening(node); },
                                 [&](PeerSession& node) {
                                   return exchange_->send_queries(node) && exchange_->send_sensed(node) &&
-                                         cut_.open(node) &&
+                                         opening_.open(node) &&
                                          (state_.wakes_together() || Statistics::note_reached(node.started));
                                 })) {
         return false;
@@ -163,12 +164,12 @@ bool ServerRole::advance_stage() {
       exchange_->announce(AnnouncedStep::frame_begin, &PeerSession::started);
       statistics_.charge_cpu(&PathReport::start_nodes_ms);
       statistics_.charge_reached(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
-      cut_.start_users();
+      opening_.start_users();
       deadlines_.begin_moves(telemetry::now_ns());
       state_.stage = FrameStage::starting_users;
       return true;
     case FrameStage::starting_users:
-      if (!cut_.open_users()) {
+      if (!opening_.open_users()) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_users_ms);

@@ -10,6 +10,7 @@
 #include "nodes/server/contacts/contact_router.hpp"
 #include "nodes/server/frame/cut.hpp"
 #include "nodes/server/frame/dispatch.hpp"
+#include "nodes/server/frame/frame_opening.hpp"
 #include "nodes/server/frame/map_scheduler.hpp"
 #include "nodes/server/frame/node_ingest.hpp"
 #include "nodes/server/frame/state_relay.hpp"
@@ -116,6 +117,7 @@ class ServerRole {
   Dispatch dispatch_;
   MapScheduler scheduler_;
   Cut cut_;
+  FrameOpening opening_;
   StateRelay relay_;
   NodeIngest node_ingest_;
   UserIngest user_ingest_;

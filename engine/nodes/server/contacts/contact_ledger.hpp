@@ -8,44 +8,18 @@
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
-#include "base/pair_sort.hpp"
 #include "base/prefetch.hpp"
 #include "messages/records.hpp"
-#include "nodes/exchange/node_contact_order.hpp"
 #include "nodes/exchange/node_contacts.hpp"
 #include "nodes/exchange/output_merge.hpp"
 #include "nodes/server/contacts/border_matches.hpp"
+#include "nodes/server/contacts/contact_notices.hpp"
+#include "nodes/server/contacts/contact_run.hpp"
 #include "nodes/server/contacts/deepest_contacts.hpp"
 #include "nodes/server/objects/object_table.hpp"
 #include "ringfence/contact.hpp"
 
 namespace ringfence::nodes {
-
-/// A contact that the server reports to the hosts of its objects, and the place where the contact is stored.
-struct ContactNotice {
-  std::uint64_t key = 0;                        ///< base::PairSort::key of the pair
-  const NodeContacts* node_contacts = nullptr;  ///< source of the contact; null if it ended
-  const Contact* ended = nullptr;               ///< if it ended: the contact of the frame before; otherwise null
-  FoundContact place;                           ///< its entry in NodeContacts::found; unused if it ended
-  Found found;
-  Phase phase = Phase::begin;
-
-  /// Writes the contact, with its phase, to `to`.
-  void write(Contact& to) const noexcept {
-    if (node_contacts != nullptr) {
-      node_contacts->write(place, phase, to);
-    } else {
-      NodeContacts::copy(*ended, phase, to);
-    }
-  }
-};
-
-/// A contact that a node found and that is not in the list of contacts.
-struct UnlistedContact {
-  std::uint64_t key = 0;  ///< base::PairSort::key of the pair
-  std::uint32_t slot_a = 0;
-  std::uint32_t slot_b = 0;
-};
 
 /// The server's record of contacts: collects what the CD nodes found, resolves which contacts began, persist or ended,
 /// and has the output lists written in order of (a, b).
@@ -78,7 +52,7 @@ class ContactLedger {
   /// Sets the number of node slots from the next begin() on. A slot may have no node: then nothing is received from it.
   void resize(std::size_t nodes);
   /// A node takes the slot and takes part from that frame on: what another node found in this slot is not its own.
-  void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
+  void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].join(frame); }
   /// Clears everything received, and C(frame) if two frames are kept.
   void begin(std::uint64_t frame);
   /// Adds a contact that `node` sent in a message, between the objects of its two slots in `objects`, whose rows and
@@ -92,14 +66,13 @@ class ContactLedger {
   bool receive(NodeNumber node, const messages::ChangeRecord& record);
   /// Adds all contacts and changes of a node with shared contacts.
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
-    runs_[node].shared = &node_contacts;
-    runs_[node].complete = true;
+    runs_[node].share(node_contacts);
     take(node, node_contacts);
   }
   /// All contacts and changes of a node that sends them have been received. `objects`: as for receive().
   void end_run(NodeNumber node, const ContactObjects& objects);
   std::size_t received(NodeNumber node) const noexcept {
-    return runs_[node].shared != nullptr ? summaries_[node].contacts : runs_[node].own->keys.size();
+    return runs_[node].shared() != nullptr ? summaries_[node].contacts : runs_[node].received();
   }
   /// Determines which contacts are listed, and which began and ended. All contacts must have been received. If two
   /// nodes found one pair, which only a bug can cause, its phase may be wrong in this frame and in the next.
@@ -130,11 +103,11 @@ class ContactLedger {
   std::span<const ContactNotice> ended_notices(bool all);
   /// After resolve_phases(): positions of the contacts that `node` sent as begun and that persist; empty for a node
   /// that shares its contacts.
-  std::span<const std::uint32_t> corrections(NodeNumber node) const noexcept { return runs_[node].corrections; }
+  std::span<const std::uint32_t> corrections(NodeNumber node) const noexcept { return runs_[node].corrections(); }
   /// After resolve_phases(): number of contacts that were found and are not listed.
   std::size_t unlisted() const noexcept { return unlisted_; }
   /// Those of them that `node` sent, in order of (a, b); empty for a node that shares its contacts.
-  std::span<const UnlistedContact> unlisted(NodeNumber node) const noexcept { return runs_[node].unlisted.span(); }
+  std::span<const UnlistedContact> unlisted(NodeNumber node) const noexcept { return runs_[node].unlisted(); }
 
   /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
   /// found(). For the current frame only after complete(). If one frame is kept, that of the frame before is gone then.
@@ -170,21 +143,6 @@ class ContactLedger {
       contacts.request_huge_pages(), keys.request_huge_pages(), found.request_huge_pages();
     }
   };
-  /// Contacts of one node, in order of (a, b).
-  struct Run {
-    NodeContacts* shared = nullptr;
-    std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
-    base::FlatList<narrow_phase::PairContact> touches;                     ///< of `own`, in its order
-    std::vector<std::uint32_t> corrections;
-    base::FlatList<UnlistedContact> unlisted;  ///< of `own`
-    /// Positions of the contacts that ended, in the frame before; parallel to `own->ending`.
-    base::FlatList<std::uint32_t> ended_at;
-    std::uint64_t joined = 0;  ///< the node's first frame
-    bool complete = false;     ///< everything was received in this frame
-
-    NodeContacts& node_contacts() const noexcept { return shared != nullptr ? *shared : *own; }
-  };
-
   /// The memory that threads of lost nodes may still access after write_again().
   struct Abandoned {
     std::unique_ptr<OutputMerge> output_merge;
@@ -192,7 +150,7 @@ class ContactLedger {
     std::vector<std::span<const std::uint64_t>> endings;
     base::FlatList<std::uint64_t> absent;
     BorderMatches matches;
-    std::vector<Run> runs;
+    std::vector<ContactRun> runs;
     List now, ended_now, before, ended_before;
   };
 
@@ -212,21 +170,16 @@ class ContactLedger {
   void end_absent();
   void match_borders();
   void start_output();
-  void add_notice(std::uint64_t key, NodeNumber node, const FoundContact& found, std::uint32_t position);
-  void list_user_notices();
-  void list_ended_notice(std::uint64_t key, std::size_t& old);
   void write_over();
   void drop_duplicates();
 
-  std::vector<Run> runs_;                     ///< by node
+  std::vector<ContactRun> runs_;              ///< by node
   std::vector<NodeContacts*> node_contacts_;  ///< by node, from begin() on
   std::vector<ContactSummary> summaries_;     ///< of these; empty until all contacts of the node are known
   std::uint32_t deepest_contacts_;            ///< 0: no limit
   DeepestContacts deepest_;
   std::size_t unlisted_ = 0;
   BorderMatches matches_;
-  NodeContactOrder order_;
-  base::PairSort ending_order_;
   /// Keys of the frame before whose nodes take no part in this frame, ascending.
   base::FlatList<std::uint64_t> absent_;
   std::vector<std::span<const std::uint64_t>> endings_;                          ///< OutputMerge::endings
@@ -236,7 +189,7 @@ class ContactLedger {
   bool any_lost_ = false;            ///< in this frame, after share_out()
   bool written_again_ = false;       ///< in this frame
   std::ptrdiff_t participants_ = 0;  ///< number of nodes that took part in the last frame
-  base::FlatList<ContactNotice> notices_, ended_notices_;
+  ContactNotices notices_;
   std::size_t size_ = 0;
   std::size_t ends_ = 0;
   std::uint64_t began_ = 0;

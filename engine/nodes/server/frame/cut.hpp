@@ -16,8 +16,8 @@
 
 namespace ringfence::nodes {
 
-/// The frame cut: applies the requests that were made before the frame, assigns a host to each object, and sends every
-/// host its changes before its frame begins.
+/// The frame cut: applies the requests that were made before the frame, and assigns a host to each object. FrameOpening
+/// then sends every host its changes.
 ///
 /// Threads: belongs to the server role. Allocates for new objects, users and nodes only.
 class Cut {
@@ -37,18 +37,6 @@ class Cut {
   void assign_hosts();
   /// Lists the contacts of the frame before for hosts that did not have an object then.
   void list_known_contacts();
-  /// Prepares what open() sends, and resets what is received from the nodes.
-  void start_nodes();
-  /// Sends a node its changes, then `frame_begin` or its announcement: a host that receives it knows what it hosts.
-  /// Sends as much as the ring takes; true when all is sent.
-  bool open(PeerSession& node);
-  /// Whether open() has something to send. True for each node of another process until it has all.
-  bool has_opening(const PeerSession& node) const noexcept {
-    return node.changes || state_.map_change.precedes_frame || !node.begin_run.done();
-  }
-  /// The same two for the users, while the nodes already move. Awaits the users' states.
-  void start_users();
-  bool open_users();
 
  private:
   void apply(const Request& request);
@@ -64,10 +52,6 @@ class Cut {
   void mark_restored();
   void list_changed();
   void rehost(const HostChange& change);
-  void start(PeerSession& node);
-  void forget_changes() noexcept;
-  static void start_runs(PeerSession::Opening& opening) noexcept;
-  bool send_changes(PeerSession& session);
 
   ServerState& state_;
   ServerExchange& exchange_;

@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include "nodes/server/frame/frame_opening.hpp"
 #include "nodes/server/server_fixture.hpp"
 
 namespace ringfence::nodes::test {
@@ -28,13 +29,13 @@ struct Cuts {
     cuts.apply_requests();
     cuts.assign_hosts();
     cuts.list_known_contacts();
-    cuts.start_nodes();
-    cuts.start_users();
+    opening.start_nodes();
+    opening.start_users();
     requests().clear();
   }
   /// The types of the messages that open a peer's frame; `records` receives their numbers of records.
   std::vector<MessageType> open(Endpoint peer, std::vector<std::uint32_t>* records = nullptr) {
-    REQUIRE((peer.is_user() ? cuts.open_users() : cuts.open(*state().session_of(peer))));
+    REQUIRE((peer.is_user() ? opening.open_users() : opening.open(*state().session_of(peer))));
     std::vector<MessageType> types;
     for (const SentMessage& message : fixture.sent_to(peer)) {
       types.push_back(message.type());
@@ -48,6 +49,7 @@ struct Cuts {
   MapScheduler scheduler{fixture.state(), fixture.exchange(), states};
   Dispatch dispatch{fixture.state()};
   Cut cuts{fixture.state(), fixture.exchange(), states, scheduler, dispatch};
+  FrameOpening opening{fixture.state(), fixture.exchange()};
 };
 
 using Types = std::vector<MessageType>;
@@ -82,10 +84,10 @@ TEST_CASE("a user thread without room does not delay the frame of the user nodes
     for (const SentMessage& message : test.fixture.sent_to(Endpoint::user(user))) types.push_back(message.type());
     return types;
   };
-  CHECK(!test.cuts.open_users());
+  CHECK(!test.opening.open_users());
   CHECK(types_to(1) == Types{MessageType::adopt, MessageType::frame_begin});
   types_to(0);  // makes room
-  CHECK(test.cuts.open_users());
+  CHECK(test.opening.open_users());
   CHECK(types_to(0) == Types{MessageType::adopt, MessageType::frame_begin});
   CHECK(types_to(1).empty());
 }

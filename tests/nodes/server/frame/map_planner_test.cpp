@@ -1,10 +1,14 @@
 #include "nodes/server/frame/map_planner.hpp"
 
+#include <cstddef>
 #include <cstdint>
 #include <random>
+#include <system_error>
+#include <thread>
 #include <vector>
 
 #include <doctest/doctest.h>
+#include <pthread.h>
 
 namespace ringfence::nodes::test {
 namespace {
@@ -66,6 +70,53 @@ TEST_CASE("the planner computes the map that the balance proposes, while costs a
     for (int frame = 0; frame < 40; ++frame) balance.add_frame(costs);
     const auto table = planner.take();
     CHECK(!planner.is_started());
+    CHECK(std::vector(table.begin(), table.end()) == std::vector(expected.begin(), expected.end()));
+  }
+}
+
+/// While it exists, the system refuses new threads: no address space is large enough for their stacks.
+class RefusedThreads {
+ public:
+  RefusedThreads() {
+    REQUIRE(pthread_getattr_default_np(&before_) == 0);
+    pthread_attr_t huge;
+    REQUIRE(pthread_attr_init(&huge) == 0);
+    REQUIRE(pthread_attr_setstacksize(&huge, std::size_t{1} << 60) == 0);
+    REQUIRE(pthread_setattr_default_np(&huge) == 0);
+    pthread_attr_destroy(&huge);
+  }
+  ~RefusedThreads() {
+    pthread_setattr_default_np(&before_);
+    pthread_attr_destroy(&before_);
+  }
+  RefusedThreads(const RefusedThreads&) = delete;
+  RefusedThreads& operator=(const RefusedThreads&) = delete;
+
+ private:
+  pthread_attr_t before_;
+};
+
+TEST_CASE("the planner computes the same map where the system has no thread for it, and with a thread afterwards") {
+  const regions::RegionMap map(grid, node_count);
+  const Crowd crowd(1);
+  regions::Balance direct(grid, {}, 0), balance(grid, {}, 0);
+  MapPlanner planner(balance);
+  for (int round = 0; round < 2; ++round) {
+    CAPTURE(round);
+    crowd.weigh(direct, map);
+    direct.refine(map, node_count);
+    const auto expected = direct.propose(map, all_nodes(), 0);
+    REQUIRE(!expected.empty());
+
+    crowd.weigh(balance, map);
+    if (round == 0) {
+      const RefusedThreads refused;
+      CHECK_THROWS_AS(std::thread([] {}).join(), std::system_error);
+      planner.start({map, all_nodes(), 0});
+    } else {
+      planner.start({map, all_nodes(), 0});
+    }
+    const auto table = planner.take();
     CHECK(std::vector(table.begin(), table.end()) == std::vector(expected.begin(), expected.end()));
   }
 }
