@@ -39,6 +39,47 @@ struct Span {
   HWY_INLINE hn::Vec<D> overlap(hn::Vec<D> half) const { return half - hn::Max(low, hn::Neg(high)); }
 };
 
+/// Squares of lengths below this are not divided by.
+inline constexpr float least_squared = 1e-30f;
+
+/// A direction along which two shapes are far apart: from a point of one to a point of the other, the nearest of
+/// several such pairs. It need not be the best one, because the overlap along any direction is a bound of the depth.
+template <class D>
+class NearDirection {
+ public:
+  explicit NearDirection(D d) : squared_(hn::Set(d, 1e30f)), direction_{hn::Zero(d), hn::Zero(d), hn::Zero(d)} {}
+
+  HWY_INLINE void take(D d, const Vector<D>& from_one_to_other) {
+    const auto squared = dot(d, from_one_to_other, from_one_to_other);
+    direction_ = choose(d, squared < squared_, from_one_to_other, direction_);
+    squared_ = hn::Min(squared, squared_);
+  }
+  const Vector<D>& get() const { return direction_; }
+  /// The smaller of `bound` and the overlap along the direction, which is given times the length of the direction.
+  HWY_INLINE hn::Vec<D> bound(D d, hn::Vec<D> bound, hn::Vec<D> overlap) const {
+    const auto known = squared_ > hn::Set(d, least_squared);
+    return hn::IfThenElse(known, hn::Min(bound, overlap / hn::Sqrt(squared_)), bound);
+  }
+
+ private:
+  hn::Vec<D> squared_;
+  Vector<D> direction_;
+};
+
+/// Where on an edge the point is whose distance from its start, times the length of the edge, is `product`; clamped to
+/// the edge: from 0 to 1.
+template <class D>
+HWY_INLINE hn::Vec<D> part_of_edge(D d, hn::Vec<D> product, hn::Vec<D> squared_length) {
+  const auto part = product / hn::Max(squared_length, hn::Set(d, least_squared));
+  return hn::Min(hn::Max(part, hn::Zero(d)), hn::Set(d, 1.0f));
+}
+
+/// The sum of absolute products: how far a box of that half size reaches along an axis, times the length of the axis.
+template <class D>
+HWY_INLINE hn::Vec<D> reach_along(D d, const Vector<D>& axis, const Vector<D>& half) {
+  return dot(d, Vector<D>{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)}, half);
+}
+
 /// A ball.
 struct BallInMesh {
   static constexpr std::size_t max_corners = 1;
@@ -50,30 +91,29 @@ struct BallInMesh {
   }
 
   template <class D>
-  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float) const {
     const auto zero = hn::Zero(d);
     const Vector<D> apart = subtract(d, in.centre, spread_out(d, centre));
     const Vector<D> gap{hn::Max(hn::Abs(apart.x) - in.half.x, zero), hn::Max(hn::Abs(apart.y) - in.half.y, zero),
                         hn::Max(hn::Abs(apart.z) - in.half.z, zero)};
-    const float max_distance = static_cast<float>(radius) - floor;
-    return dot(d, gap, gap) <= hn::Set(d, max_distance * max_distance);
+    return at(d, radius) - hn::Sqrt(dot(d, gap, gap));
   }
 
-  /// By the distance to the plane and, within the plane, to the lines of the edges. This bound is also right for
-  /// slivers.
+  /// By the plane and the direction to the nearest point of the edges.
   template <class D>
-  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    const float max_distance = static_cast<float>(radius) - floor;
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float) const {
     const Vector<D> c = spread_out(d, centre);
-    const auto height = dot(d, in.normal, subtract(d, c, in.corner[0]));
-    const auto left = hn::Set(d, max_distance * max_distance) - height * height;
-    auto alive = left >= hn::Zero(d);
+    Vector<D> corner[3];
+    for (int i = 0; i < 3; ++i) corner[i] = subtract(d, in.corner[i], c);
+    NearDirection<D> near(d);
     for (int i = 0; i < 3; ++i) {
-      const Vector<D> edge = subtract(d, in.corner[next_of(i)], in.corner[i]);
-      const auto out = dot(d, cross(d, edge, in.normal), subtract(d, c, in.corner[i]));
-      alive = hn::And(alive, hn::Or(out <= hn::Zero(d), out * out <= left * dot(d, edge, edge)));
+      const Vector<D> edge = subtract(d, corner[next_of(i)], corner[i]);
+      const auto part = part_of_edge(d, hn::Neg(dot(d, corner[i], edge)), dot(d, edge, edge));
+      near.take(d, add(d, corner[i], scale(d, edge, part)));
     }
-    return alive;
+    const Vector<D>& u = near.get();
+    const auto nearest = Span<D>::of(dot(d, u, corner[0]), dot(d, u, corner[1]), dot(d, u, corner[2])).low;
+    return at(d, radius) + near.bound(d, hn::Neg(hn::Abs(dot(d, in.normal, corner[0]))), hn::Neg(nearest));
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
@@ -87,7 +127,7 @@ struct BallInMesh {
   double rounding() const { return radius; }
 };
 
-/// A placed box. Also used as the bound of a capsule or a hull against boxes.
+/// A placed box. Also used as the bound of a hull.
 struct BoxInMesh {
   static constexpr std::size_t max_corners = 8;
   Vec3d centre;
@@ -99,7 +139,7 @@ struct BoxInMesh {
   }
 
   template <class D>
-  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float) const {
     const Vector<D> apart = subtract(d, in.centre, spread_out(d, centre));
     const hn::Vec<D> away[3] = {apart.x, apart.y, apart.z}, own[3] = {in.half.x, in.half.y, in.half.z};
     auto overlap = hn::Set(d, 1e30f);
@@ -113,12 +153,12 @@ struct BoxInMesh {
       const Vector<D> size{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)};
       overlap = hn::Min(overlap, at(d, half[k]) + dot(d, size, in.half) - hn::Abs(dot(d, axis, apart)));
     }
-    return overlap >= hn::Set(d, floor);
+    return overlap;
   }
 
   /// All axes of the separating axis test, in the axes of the box.
   template <class D>
-  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const auto least = hn::Set(d, floor);
     Rotation<D> r;
     for (int i = 0; i < 3; ++i) {
@@ -135,7 +175,7 @@ struct BoxInMesh {
     overlap = hn::Min(overlap, Span<D>::of(p[0].y, p[1].y, p[2].y).overlap(size.y));
     overlap = hn::Min(overlap, Span<D>::of(p[0].z, p[1].z, p[2].z).overlap(size.z));
     auto alive = overlap >= least;
-    if (hn::AllFalse(d, alive)) return alive;
+    if (hn::AllFalse(d, alive)) return overlap;
     for (int i = 0; i < 3; ++i) {
       const Vector<D>&from = p[i], &opposite = p[next_of(next_of(i))];
       const Vector<D> e = subtract(d, p[next_of(i)], from);
@@ -148,7 +188,7 @@ struct BoxInMesh {
       alive = hn::And(alive, reaches(d, along_y.overlap(length.x * size.z + length.z * size.x), zz + xx, floor));
       alive = hn::And(alive, reaches(d, along_z.overlap(length.y * size.x + length.x * size.y), xx + yy, floor));
     }
-    return alive;
+    return bounds_where(d, alive, overlap);
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
@@ -171,47 +211,67 @@ struct CapsuleInMesh {
   static constexpr std::size_t max_corners = 2;
   Vec3d ends[2];
   double radius;
-  BoxInMesh bounding_box;
 
   static CapsuleInMesh of(const geometry::ShapeView&, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    const double radius = double{row.size[0]}, half_height = double{row.size[1]};
-    const Vec3d up = Vec3d{frame.rotation.m[0][2], frame.rotation.m[1][2], frame.rotation.m[2][2]} * half_height;
-    return {{frame.position - up, frame.position + up},
-            radius,
-            {frame.position, frame.rotation, {radius, radius, radius + half_height}}};
+    const Vec3d axis{frame.rotation.m[0][2], frame.rotation.m[1][2], frame.rotation.m[2][2]};
+    const Vec3d up = axis * double{row.size[1]};
+    return {{frame.position - up, frame.position + up}, double{row.size[0]}};
   }
 
+  /// By the mesh's axes and the direction from the segment to the middle of the box.
   template <class D>
-  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    return bounding_box.boxes(d, in, floor);
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float) const {
+    const Vec3d middle = (ends[0] + ends[1]) * 0.5;
+    const Vector<D> apart = subtract(d, in.centre, spread_out(d, middle)), end = spread_out(d, ends[1] - middle);
+    const auto overlap = [&](hn::Vec<D> size, hn::Vec<D> of_end, hn::Vec<D> distance)
+                             HWY_ATTR { return size + hn::Abs(of_end) - hn::Abs(distance); };
+    const auto bound = hn::Min(overlap(in.half.x, end.x, apart.x),
+                               hn::Min(overlap(in.half.y, end.y, apart.y), overlap(in.half.z, end.z, apart.z)));
+    // The segment is symmetric, so the side of the middle on which the nearest point lies is given by the sign.
+    const auto along = dot(d, apart, end);
+    const auto part = hn::CopySign(part_of_edge(d, hn::Abs(along), dot(d, end, end)), along);
+    NearDirection<D> near(d);
+    near.take(d, subtract(d, apart, scale(d, end, part)));
+    const Vector<D>& u = near.get();
+    const auto along_u = overlap(reach_along(d, u, in.half), dot(d, u, end), dot(d, u, apart));
+    return at(d, radius) + near.bound(d, bound, along_u);
   }
 
-  /// By the plane, the outer sides of the edges within it, and the directions across an edge and the segment.
+  /// By the plane, the directions across an edge and the segment, and that between the nearest points of the edges and
+  /// the segment.
   template <class D>
-  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    const Vector<D> p = spread_out(d, ends[0]), q = spread_out(d, ends[1]), along = spread_out(d, ends[1] - ends[0]);
-    const float max_distance = static_cast<float>(radius) - floor;
-    const auto zero = hn::Zero(d), most = hn::Set(d, max_distance);
-    const Vector<D> to_p = subtract(d, p, in.corner[0]), to_q = subtract(d, q, in.corner[0]);
-    const auto heights = Span<D>::of(dot(d, in.normal, to_p), dot(d, in.normal, to_q));
-    auto alive = hn::Max(heights.low, hn::Neg(heights.high)) <= most;
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float) const {
+    const auto zero = hn::Zero(d);
+    const Vector<D> p = spread_out(d, ends[0]), along = spread_out(d, ends[1] - ends[0]);
+    const auto length_squared = dot(d, along, along);
+    // Relative to the first end of the segment.
+    Vector<D> corner[3];
+    for (int i = 0; i < 3; ++i) corner[i] = subtract(d, in.corner[i], p);
+    // The overlap of the segment and the triangle; negative where they are apart.
+    const auto overlap = [&](const Vector<D>& axis) HWY_ATTR {
+      const auto segment = Span<D>::of(zero, dot(d, axis, along));
+      const auto triangle = Span<D>::of(dot(d, axis, corner[0]), dot(d, axis, corner[1]), dot(d, axis, corner[2]));
+      return hn::Min(triangle.high - segment.low, segment.high - triangle.low);
+    };
+    auto bound = overlap(in.normal);
+    NearDirection<D> near(d);
     for (int i = 0; i < 3; ++i) {
-      const Vector<D>&from = in.corner[i], &opposite = in.corner[next_of(next_of(i))];
-      const Vector<D> edge = subtract(d, in.corner[next_of(i)], from);
-      const Vector<D> out = cross(d, edge, in.normal);
-      const Vector<D> p_from = subtract(d, p, from), q_from = subtract(d, q, from);
-      const auto beyond = hn::Max(hn::Min(dot(d, out, p_from), dot(d, out, q_from)), zero);
-      alive = hn::And(alive, beyond * beyond <= most * most * dot(d, edge, edge));
-      const Vector<D> across = cross(d, edge, along);
-      const auto segment = Span<D>::of(dot(d, across, p_from), dot(d, across, q_from));
-      const auto triangle = Span<D>::of(zero, dot(d, across, subtract(d, opposite, from)));
-      const auto apart = hn::Max(hn::Max(segment.low - triangle.high, triangle.low - segment.high), zero);
-      const auto squared = dot(d, across, across);
-      // If the edges are parallel within 0.1, the direction is too imprecise to exclude anything.
-      const auto rough = squared < dot(d, edge, edge) * dot(d, along, along) * hn::Set(d, 0.01f);
-      alive = hn::And(alive, hn::Or(rough, apart * apart <= most * most * squared));
+      const Vector<D>& from = corner[i];
+      const Vector<D> edge = subtract(d, corner[next_of(i)], from);
+      const auto edge_squared = dot(d, edge, edge), both = dot(d, edge, along);
+      const Vector<D> axis = cross(d, edge, along);
+      const auto squared = dot(d, axis, axis);
+      // If the edges are parallel within 0.2, the direction is too imprecise to exclude anything.
+      const auto precise = squared > edge_squared * length_squared * hn::Set(d, 0.04f);
+      bound = hn::IfThenElse(precise, hn::Min(bound, overlap(axis) / hn::Sqrt(squared)), bound);
+      // Near points of the two: exact ones unless they are nearly parallel.
+      const auto from_edge = dot(d, from, edge), from_along = dot(d, from, along);
+      const auto first = part_of_edge(d, both * from_along - from_edge * length_squared, squared);
+      const auto on_segment = part_of_edge(d, both * first + from_along, length_squared);
+      const auto on_edge = part_of_edge(d, both * on_segment - from_edge, edge_squared);
+      near.take(d, subtract(d, add(d, from, scale(d, edge, on_edge)), scale(d, along, on_segment)));
     }
-    return alive;
+    return at(d, radius) + near.bound(d, bound, overlap(near.get()));
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
@@ -246,11 +306,11 @@ struct SupportInMesh {
   }
 
   template <class D>
-  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
     return bounding_box.boxes(d, in, floor);
   }
   template <class D>
-  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     return bounding_box.triangles(d, in, floor);
   }
 

@@ -21,15 +21,75 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
+/// The planes of the faces of a hull in the axes of a mesh, relative to the origin of the hull. In float, for bounds.
+class FacesInMesh {
+ public:
+  FacesInMesh(const geometry::Hull& hull, const geometry::RotationD& rotation)
+      : offset_(hull.offset()), count_((hull.face_count() + faces_at_once - 1) / faces_at_once * faces_at_once) {
+    const Doubles d;
+    const Floats f;
+    for (std::size_t i = 0; i < count_; i += hn::Lanes(d)) {
+      const auto x = hn::PromoteTo(d, hn::Load(f, hull.normal_x() + i));
+      const auto y = hn::PromoteTo(d, hn::Load(f, hull.normal_y() + i));
+      const auto z = hn::PromoteTo(d, hn::Load(f, hull.normal_z() + i));
+      for (int k = 0; k < 3; ++k) {
+        const auto* const m = rotation.m[k];
+        hn::Store(hn::DemoteTo(f, hn::Set(d, m[0]) * x + hn::Set(d, m[1]) * y + hn::Set(d, m[2]) * z), f,
+                  normal_[k] + i);
+      }
+    }
+  }
+
+  /// The least overlap along the normals, of boxes and of triangles relative to the origin of the hull, where it is not
+  /// below `floor`; elsewhere a number below it. At most `bound`.
+  template <class D>
+  HWY_INLINE hn::Vec<D> boxes(D d, const Vector<D>& centre, const Vector<D>& half, hn::Vec<D> bound,
+                              float floor) const {
+    return least_overlap(d, bound, floor, [&](const Vector<D>& n) HWY_ATTR {
+      return dot(d, n, centre) - dot(d, Vector<D>{hn::Abs(n.x), hn::Abs(n.y), hn::Abs(n.z)}, half);
+    });
+  }
+  template <class D>
+  HWY_INLINE hn::Vec<D> triangles(D d, const Vector<D> (&corner)[3], hn::Vec<D> bound, float floor) const {
+    return least_overlap(d, bound, floor, [&](const Vector<D>& n) HWY_ATTR {
+      return hn::Min(dot(d, n, corner[0]), hn::Min(dot(d, n, corner[1]), dot(d, n, corner[2])));
+    });
+  }
+
+ private:
+  using Doubles = hn::CappedTag<double, 8>;
+  using Floats = hn::Rebind<float, Doubles>;
+  static constexpr std::size_t max_faces = 2 * geometry::max_hull_vertices;
+  static constexpr std::size_t faces_at_once = 4;
+  static_assert(geometry::hull_lanes % faces_at_once == 0);
+
+  template <class D, class Lowest>
+  HWY_INLINE hn::Vec<D> least_overlap(D d, hn::Vec<D> bound, float floor, const Lowest& lowest) const {
+    const auto least = hn::Set(d, floor);
+    for (std::size_t i = 0; i < count_ && !hn::AllTrue(d, bound < least); i += faces_at_once) {
+      for (std::size_t k = i; k < i + faces_at_once; ++k) {
+        const Vector<D> n{hn::Set(d, normal_[0][k]), hn::Set(d, normal_[1][k]), hn::Set(d, normal_[2][k])};
+        bound = hn::Min(bound, hn::Set(d, offset_[k]) - lowest(n));
+      }
+    }
+    return bound;
+  }
+
+  const float* offset_;
+  std::size_t count_;  ///< rounded up to faces_at_once: the columns are padded by copies of the first face
+  alignas(64) float normal_[3][max_faces];
+};
+
 struct HullInMesh {
   static constexpr std::size_t max_corners = geometry::max_hull_vertices;
   const geometry::Hull& hull;
   Vec3d origin;
   geometry::RotationD rotation;
   BoxInMesh bounding_box;
+  FacesInMesh planes;
 
   HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
-      : hull(own_hull), origin(own_origin), rotation(own_rotation) {
+      : hull(own_hull), origin(own_origin), rotation(own_rotation), planes(own_hull, own_rotation) {
     const FloatLanes f;
     const float* const column[3] = {hull.x(), hull.y(), hull.z()};
     double middle[3];
@@ -52,12 +112,16 @@ struct HullInMesh {
   }
 
   template <class D>
-  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    return bounding_box.boxes(d, in, floor);
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
+    const Vector<D> centre = subtract(d, in.centre, spread_out(d, origin));
+    return planes.boxes(d, centre, in.half, bounding_box.boxes(d, in, floor), floor);
   }
   template <class D>
-  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    return bounding_box.triangles(d, in, floor);
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
+    const Vector<D> own = spread_out(d, origin);
+    const Vector<D> corner[3] = {subtract(d, in.corner[0], own), subtract(d, in.corner[1], own),
+                                 subtract(d, in.corner[2], own)};
+    return planes.triangles(d, corner, bounding_box.triangles(d, in, floor), floor);
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {

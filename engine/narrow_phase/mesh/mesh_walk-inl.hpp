@@ -1,9 +1,10 @@
 // Walks the tree of a mesh with a convex shape: sixteen boxes at a time, then sixteen triangles at a time, then each
 // triangle that could be the deepest, exactly. Included once for each Highway target.
 //
-// The lanes only exclude. They compute in float with a margin far above the rounding error, and exclude what is
-// separated or less deep than the deepest contact so far, but not ties. The remaining triangles are evaluated in double
-// by functions of the two primitives alone. So the result, the deepest contact (of equal ones that with the lowest
+// The lanes only exclude, by upper bounds of the depth. They compute in float with a margin far above the rounding
+// error, and exclude what is separated or less deep than the deepest contact so far, but not ties. What has the largest
+// bound comes first, because its depth may exclude the others. The remaining triangles are evaluated in double by
+// functions of the two primitives alone. So the result, the deepest contact (of equal ones that with the lowest
 // number), does not depend on the vector width, the order or the structure of the tree.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_WALK_INL) == defined(HWY_TARGET_TOGGLE)
@@ -17,6 +18,7 @@
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "geometry/mesh_tree.hpp"
 #include "narrow_phase/mesh/triangle.hpp"
@@ -147,9 +149,37 @@ struct TriangleLanes {
   Vector<D> normal;
 };
 
+/// The bounds where `alive` is true; elsewhere a number that excludes.
+template <class D>
+HWY_INLINE hn::Vec<D> bounds_where(D d, hn::Mask<D> alive, hn::Vec<D> bounds) {
+  return hn::IfThenElse(alive, bounds, hn::Set(d, -1e30f));
+}
+
+/// The lanes of a group that remain, and their bounds.
+struct BoundedLanes {
+  alignas(64) float bound[group_size];
+  std::uint32_t bits = 0;
+
+  template <class D>
+  HWY_INLINE void put(D d, std::size_t lane, hn::Vec<D> bounds, float floor) {
+    hn::Store(bounds, d, bound + lane);
+    bits |= bits_of_mask(d, bounds >= hn::Set(d, floor)) << lane;
+  }
+  /// Removes the lane with the largest bound, the first of equal ones, and returns it. Precondition: one remains.
+  HWY_INLINE std::uint32_t take_largest() {
+    auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
+    for (std::uint32_t rest = bits & (bits - 1); rest != 0; rest &= rest - 1) {
+      const auto lane = static_cast<std::uint32_t>(__builtin_ctz(rest));
+      best = bound[lane] > bound[best] ? lane : best;
+    }
+    bits &= ~(1u << best);
+    return best;
+  }
+};
+
 /// Walks the tree of one mesh. `Query` is a convex shape, placed in the mesh's axes. Its boxes(d, BoxLanes, floor) and
-/// triangles(d, TriangleLanes, floor) return a mask of those that a contact of depth `floor` or more can reach; its
-/// penetration(Triangle, at_least) is exact.
+/// triangles(d, TriangleLanes, floor) return upper bounds of the depth, which need not be right where they are below
+/// `floor`; its penetration(Triangle, at_least) is exact.
 template <class Query>
 class MeshWalk {
  public:
@@ -160,38 +190,16 @@ class MeshWalk {
   bool run() {
     const geometry::TreeNode root = tree_.root();
     if (root.level == 0) {
-      leaves_[0] = 0;
-      test_leaves(1);
+      const geometry::TriangleGroup* groups[4] = {&tree_.leaf(0)};
+      test_triangles(groups, 1);
       return deepest_.found();
     }
-    open_[count_++] = root;
-    std::size_t leaves = 0;
-    while (count_ > 0) {
-      // Takes nodes of one level at a time. So no level ever has more than twelve nodes waiting, which bounds the
-      // stack.
-      geometry::TreeNode nodes[4];
-      std::size_t taken = 0;
-      do {
-        nodes[taken++] = open_[--count_];
-      } while (taken < 4 && count_ > 0 && open_[count_ - 1].level == nodes[0].level);
-      const std::uint32_t level = nodes[0].level - 1;
-      std::uint32_t children = test_boxes(nodes, taken);
-      for (; children != 0; children &= children - 1) {
-        const auto lane = static_cast<std::uint32_t>(__builtin_ctz(children));
-        const std::uint32_t index = nodes[lane / 4].index * 4 + lane % 4;
-        if (level > 0) {
-          assert(count_ < std::size(open_));
-          open_[count_++] = {level, index};
-          continue;
-        }
-        leaves_[leaves++] = index;
-        if (leaves == 4) {
-          test_leaves(leaves);
-          leaves = 0;
-        }
-      }
+    open_[count_++] = {root.level, root.index, std::numeric_limits<float>::infinity()};
+    geometry::TreeNode nodes[4];
+    while (const std::size_t taken = take_nodes(nodes)) {
+      BoundedLanes children = test_boxes(nodes, taken);
+      nodes[0].level == 1 ? test_leaves(nodes, children) : open(nodes, children);
     }
-    if (leaves > 0) test_leaves(leaves);
     return deepest_.found();
   }
 
@@ -200,7 +208,40 @@ class MeshWalk {
   const WalkCounts& work() const { return work_; }
 
  private:
-  std::uint32_t test_boxes(const geometry::TreeNode* nodes, std::size_t count) {
+  /// A node that waits, and the bound of its box. Not initialised, because most of the stack is never used.
+  struct OpenNode {
+    std::uint32_t level, index;
+    float bound;
+  };
+
+  /// Takes up to four nodes of one level that are not excluded by now. So no level ever has more than twelve nodes
+  /// waiting, which bounds the stack. Returns their number; 0: none waits.
+  std::size_t take_nodes(geometry::TreeNode* nodes) {
+    std::size_t taken = 0;
+    while (taken < 4 && count_ > 0) {
+      const OpenNode& last = open_[count_ - 1];
+      if (taken > 0 && last.level != nodes[0].level) break;
+      --count_;
+      if (last.bound >= deepest_.floor()) nodes[taken++] = {last.level, last.index};
+    }
+    return taken;
+  }
+
+  static std::uint32_t child(const geometry::TreeNode* nodes, std::uint32_t lane) {
+    return nodes[lane / 4].index * 4 + lane % 4;
+  }
+
+  /// Lets the children wait, the one with the largest bound on top of the stack.
+  void open(const geometry::TreeNode* nodes, BoundedLanes& children) {
+    count_ += static_cast<std::size_t>(__builtin_popcount(children.bits));
+    assert(count_ <= std::size(open_));
+    for (OpenNode* to = open_ + count_; children.bits != 0;) {
+      const std::uint32_t lane = children.take_largest();
+      *--to = {nodes[0].level - 1, child(nodes, lane), children.bound[lane]};
+    }
+  }
+
+  BoundedLanes test_boxes(const geometry::TreeNode* nodes, std::size_t count) {
     const FloatLanes d;
     const geometry::BoxGroup* groups[4];
     const std::uint32_t level = nodes[0].level - 1;
@@ -211,11 +252,8 @@ class MeshWalk {
     }
     work_.pass(geometry::tree_fanout * count, boxes);
     work_.evaluated += count;
-    for (std::size_t i = 0; i < 4; ++i) {
-      const geometry::TreeNode node = nodes[std::min(i, count - 1)];
-      groups[i] = &tree_.boxes(node.level - 1, node.index);
-    }
-    std::uint32_t bits = 0;
+    for (std::size_t i = 0; i < 4; ++i) groups[i] = &tree_.boxes(level, nodes[std::min(i, count - 1)].index);
+    BoundedLanes result;
     for (std::size_t lane = 0; lane < 4 * count; lane += hn::Lanes(d)) {
       const auto column = [&](std::size_t k) {
         return Vector<FloatLanes>{
@@ -224,20 +262,37 @@ class MeshWalk {
             load_blocks(d, lane, [&](std::size_t i) { return &groups[i]->centre[0][0] + 4 * (k + 2); })};
       };
       const BoxLanes<FloatLanes> in{column(0), column(3)};
-      bits |= bits_of_mask(d, query_.boxes(d, in, deepest_.floor())) << lane;
+      result.put(d, lane, query_.boxes(d, in, deepest_.floor()), deepest_.floor());
     }
-    return bits & ((std::uint32_t{1} << 4 * count) - 1);
+    result.bits &= (std::uint32_t{1} << 4 * count) - 1;
+    return result;
   }
 
-  void test_leaves(std::size_t count) {
+  /// Tests the leaves among the children, four at a time.
+  void test_leaves(const geometry::TreeNode* nodes, BoundedLanes& children) {
+    while (children.bits != 0) {
+      const geometry::TriangleGroup* groups[4];
+      std::size_t count = 0;
+      while (count < 4 && children.bits != 0) {
+        const std::uint32_t lane = children.take_largest();
+        if (children.bound[lane] < deepest_.floor())
+          children.bits = 0;
+        else
+          groups[count++] = &tree_.leaf(child(nodes, lane));
+      }
+      if (count > 0) test_triangles(groups, count);
+    }
+  }
+
+  /// `groups` has room for four.
+  void test_triangles(const geometry::TriangleGroup** groups, std::size_t count) {
     const FloatLanes d;
-    const geometry::TriangleGroup* groups[4];
-    for (std::size_t i = 0; i < 4; ++i) groups[i] = &tree_.leaf(leaves_[std::min(i, count - 1)]);
+    std::fill(groups + count, groups + 4, groups[count - 1]);
     std::uint32_t places = 0;
     for (std::size_t i = 0; i < count; ++i) places |= ((1u << triangles_of(*groups[i])) - 1) << 4 * i;
     work_.pass(geometry::tree_fanout * count, static_cast<std::size_t>(__builtin_popcount(places)));
     work_.evaluated += count;
-    std::uint32_t bits = 0;
+    BoundedLanes result;
     for (std::size_t lane = 0; lane < 4 * count; lane += hn::Lanes(d)) {
       const auto column = [&](std::size_t k) {
         return Vector<FloatLanes>{
@@ -247,12 +302,13 @@ class MeshWalk {
       };
       static_assert(offsetof(geometry::TriangleGroup, normal) == 36 * sizeof(float));
       const TriangleLanes<FloatLanes> in{{column(0), column(3), column(6)}, column(9)};
-      bits |= bits_of_mask(d, query_.triangles(d, in, deepest_.floor())) << lane;
+      result.put(d, lane, query_.triangles(d, in, deepest_.floor()), deepest_.floor());
     }
-    bits &= places;
-    for (; bits != 0; bits &= bits - 1) {
+    result.bits &= places;
+    while (result.bits != 0) {
+      const std::uint32_t lane = result.take_largest();
+      if (result.bound[lane] < deepest_.floor()) return;
       ++work_.evaluated;
-      const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
       const geometry::TriangleGroup& leaf = *groups[lane / 4];
       const Triangle triangle = triangle_of(leaf, lane % 4);
       if (deepest_.take(query_.penetration(triangle, deepest_.at_least()), leaf.index[lane % 4])) triangle_ = triangle;
@@ -264,8 +320,7 @@ class MeshWalk {
   Deepest deepest_;
   WalkCounts work_;
   Triangle triangle_;
-  geometry::TreeNode open_[12 * geometry::max_tree_levels + 16];
-  std::uint32_t leaves_[4];
+  OpenNode open_[12 * geometry::max_tree_levels + 16];
   std::size_t count_ = 0;
 };
 
