@@ -34,10 +34,12 @@ class MeshPairWalk {
 
   /// Returns whether the meshes touch; then deepest() and the two triangles describe the contact.
   bool run() {
-    open_[count_++] = {first_.root(), second_.root(), 1e30f};
+    const geometry::TreeNode p = first_.root(), q = second_.root();
+    open_[count_++] = {p.level, p.index, q.level, q.index, std::numeric_limits<float>::infinity()};
     while (count_ > 0) {
-      const Open next = open_[--count_];
-      if (next.bound < deepest_.floor()) continue;
+      const OpenPair& last = open_[--count_];
+      if (last.bound < deepest_.floor()) continue;
+      const Pair next{{last.level_p, last.p}, {last.level_q, last.q}};
       if (next.p.level == 0 && next.q.level == 0) {
         test_leaves(first_.leaf(next.p.index), second_.leaf(next.q.index));
       } else {
@@ -57,8 +59,12 @@ class MeshPairWalk {
   static constexpr FloatLanes d{};
   using Lanes = hn::Vec<FloatLanes>;
 
-  struct Open {
+  struct Pair {
     geometry::TreeNode p, q;
+  };
+  /// A pair of nodes that waits, and its bound. Not initialised, because most of the stack is never used.
+  struct OpenPair {
+    std::uint32_t level_p, p, level_q, q;
     float bound;
   };
 
@@ -100,7 +106,7 @@ class MeshPairWalk {
 
   /// Opens both nodes, or only one if the other is a leaf or less than half as large. The node that stays closed is
   /// tested with its siblings, in its own row or column.
-  void open_children(const Open& pair) {
+  void open_children(const Pair& pair) {
     const float size_p = size_of(first_, pair.p), size_q = size_of(second_, pair.q);
     const bool keep_p = pair.p.level == 0 || (pair.q.level > 0 && size_q > 2 * size_p);
     const bool keep_q = pair.q.level == 0 || (pair.p.level > 0 && size_p > 2 * size_q);
@@ -110,21 +116,22 @@ class MeshPairWalk {
     work_.pass(group_size,
                (keep_p ? 1 : nodes_of(first_, level_p, group_p)) * (keep_q ? 1 : nodes_of(second_, level_q, group_q)));
     ++work_.evaluated;
-    alignas(64) float overlap[group_size];
-    std::uint32_t bits = test_boxes(first_.boxes(level_p, group_p), second_.boxes(level_q, group_q), overlap);
-    if (keep_p) bits &= 0xfu << 4 * (pair.p.index % 4);
-    if (keep_q) bits &= 0x1111u << pair.q.index % 4;
-    for (; bits != 0; bits &= bits - 1) {
-      const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
-      assert(count_ < std::size(open_));
-      open_[count_++] = {{level_p, group_p * 4 + lane / 4}, {level_q, group_q * 4 + lane % 4}, overlap[lane]};
+    BoundedLanes children = test_boxes(first_.boxes(level_p, group_p), second_.boxes(level_q, group_q));
+    if (keep_p) children.bits &= 0xfu << 4 * (pair.p.index % 4);
+    if (keep_q) children.bits &= 0x1111u << pair.q.index % 4;
+    count_ += static_cast<std::size_t>(__builtin_popcount(children.bits));
+    assert(count_ <= std::size(open_));
+    // The pair with the largest bound is on top of the stack.
+    for (OpenPair* to = open_ + count_; children.bits != 0;) {
+      const std::uint32_t lane = children.take_largest();
+      *--to = {level_p, group_p * 4 + lane / 4, level_q, group_q * 4 + lane % 4, children.bound[lane]};
     }
   }
 
   /// The least overlap of each pair along the axes of the two meshes. It is an upper bound of the depth of all
   /// primitives inside.
-  std::uint32_t test_boxes(const geometry::BoxGroup& p, const geometry::BoxGroup& q, float* overlap) const {
-    std::uint32_t bits = 0;
+  BoundedLanes test_boxes(const geometry::BoxGroup& p, const geometry::BoxGroup& q) const {
+    BoundedLanes result;
     for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
       const Vector<FloatLanes> centre_q = add(d, rotate(d, rotation_, by_column(q.centre, lane)), offset_);
       const Vector<FloatLanes> half_q = by_column(q.half, lane);
@@ -135,10 +142,9 @@ class MeshPairWalk {
       const Vector<FloatLanes> of_q =
           subtract(d, add(d, half_q, unrotate(d, spread_, half_p)), absolute(unrotate(d, rotation_, apart)));
       const auto least = hn::Min(hn::Min(hn::Min(of_p.x, of_p.y), hn::Min(of_p.z, of_q.x)), hn::Min(of_q.y, of_q.z));
-      hn::Store(least, d, overlap + lane);
-      bits |= bits_of_mask(d, least >= hn::Set(d, deepest_.floor())) << lane;
+      result.put(d, lane, least, deepest_.floor());
     }
-    return bits;
+    return result;
   }
 
   static HWY_INLINE Vector<FloatLanes> absolute(const Vector<FloatLanes>& v) {
@@ -149,8 +155,7 @@ class MeshPairWalk {
     const std::size_t in_p = triangles_of(p), in_q = triangles_of(q);
     work_.pass(group_size, in_p * in_q);
     ++work_.evaluated;
-    alignas(64) float overlap[group_size];
-    std::uint32_t bits = 0;
+    BoundedLanes pairs;
     for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
       // The triangles of the second mesh in the axes of the first.
       Vector<FloatLanes> corner_p[3], corner_q[3];
@@ -160,20 +165,14 @@ class MeshPairWalk {
       }
       const Vector<FloatLanes> normal_p = by_row(p.normal, lane);
       const Vector<FloatLanes> normal_q = rotate(d, rotation_, by_column(q.normal, lane));
-      bits |= test_triangles(corner_p, normal_p, corner_q, normal_q, overlap + lane) << lane;
+      pairs.put(d, lane, bound_triangles(corner_p, normal_p, corner_q, normal_q), deepest_.floor());
     }
     // Excludes rows and columns that repeat the last triangle.
-    bits &= ((1u << in_q) - 1) * (0x1111u & ((1u << 4 * in_p) - 1));
-    while (bits != 0) {
-      // The pair with the largest bound first: its depth may exclude the others.
-      auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
-      for (std::uint32_t rest = bits & (bits - 1); rest != 0; rest &= rest - 1) {
-        const auto lane = static_cast<std::uint32_t>(__builtin_ctz(rest));
-        if (overlap[lane] > overlap[best]) best = lane;
-      }
-      bits &= ~(1u << best);
-      if (overlap[best] < deepest_.floor()) return;
-      consider(p, best / 4, q, best % 4);
+    pairs.bits &= ((1u << in_q) - 1) * (0x1111u & ((1u << 4 * in_p) - 1));
+    while (pairs.bits != 0) {
+      const std::uint32_t lane = pairs.take_largest();
+      if (pairs.bound[lane] < deepest_.floor()) return;
+      consider(p, lane / 4, q, lane % 4);
     }
   }
 
@@ -192,10 +191,8 @@ class MeshPairWalk {
 
   /// The separating axis test of triangles that are not coplanar, by the two normals and the nine cross products of
   /// edges.
-  HWY_INLINE std::uint32_t test_triangles(const Vector<FloatLanes>* p, const Vector<FloatLanes>& normal_p,
-                                          const Vector<FloatLanes>* q, const Vector<FloatLanes>& normal_q,
-                                          float* overlap) const {
-    const float floor = deepest_.floor();
+  HWY_INLINE Lanes bound_triangles(const Vector<FloatLanes>* p, const Vector<FloatLanes>& normal_p,
+                                   const Vector<FloatLanes>* q, const Vector<FloatLanes>& normal_q) const {
     const auto zero = hn::Zero(d);
     Vector<FloatLanes> to_q[3], to_p[3];
     for (int i = 0; i < 3; ++i) to_q[i] = subtract(d, q[i], p[0]);
@@ -204,10 +201,8 @@ class MeshPairWalk {
     for (int i = 0; i < 3; ++i) to_p[i] = subtract(d, p[i], q[0]);
     const auto height_p =
         Span<FloatLanes>::of(dot(d, normal_q, to_p[0]), dot(d, normal_q, to_p[1]), dot(d, normal_q, to_p[2]));
-    const auto least = hn::Min(height_q.overlap(zero), height_p.overlap(zero));
-    hn::Store(least, d, overlap);
-    auto alive = least >= hn::Set(d, floor);
-    if (hn::AllFalse(d, alive)) return 0;
+    auto bound = hn::Min(height_q.overlap(zero), height_p.overlap(zero));
+    if (hn::AllTrue(d, bound < hn::Set(d, deepest_.floor()))) return bound;
 
     Vector<FloatLanes> edge_p[3], edge_q[3];
     Lanes squared_p[3], squared_q[3];
@@ -229,10 +224,11 @@ class MeshPairWalk {
         const auto span_p = Span<FloatLanes>::of(zero, p_opposite), span_q = Span<FloatLanes>::of(q_edge, q_opposite);
         const auto shared = hn::Min(span_p.high - span_q.low, span_q.high - span_p.low);
         const auto squared = dot(d, axis, axis);
-        alive = hn::And(alive, hn::Or(reaches(d, shared, squared, floor), squared < squared_p[i] * squared_q[j]));
+        const auto precise = squared > squared_p[i] * squared_q[j];
+        bound = hn::IfThenElse(precise, hn::Min(bound, shared / hn::Sqrt(squared)), bound);
       }
     }
-    return bits_of_mask(d, alive);
+    return bound;
   }
 
   const geometry::MeshTree& first_;
@@ -243,7 +239,7 @@ class MeshPairWalk {
   Deepest deepest_;
   WalkCounts work_;
   Triangle triangle_, other_triangle_;
-  Open open_[15 * 2 * geometry::max_tree_levels + 16];
+  OpenPair open_[15 * 2 * geometry::max_tree_levels + 16];
   std::size_t count_ = 0;
 };
 
