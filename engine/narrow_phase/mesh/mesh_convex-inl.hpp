@@ -261,10 +261,10 @@ struct CapsuleInMesh {
       const auto edge_squared = dot(d, edge, edge), both = dot(d, edge, along);
       const Vector<D> axis = cross(d, edge, along);
       const auto squared = dot(d, axis, axis);
-      // If the edges are parallel within 0.2, the direction is too imprecise to exclude anything.
-      const auto precise = squared > edge_squared * length_squared * hn::Set(d, 0.04f);
-      bound = hn::IfThenElse(precise, hn::Min(bound, overlap(axis) / hn::Sqrt(squared)), bound);
-      // Near points of the two: exact ones unless they are nearly parallel.
+      // Nearly parallel edges give an imprecise direction, along which the overlap is a bound too.
+      const auto known = squared > hn::Set(d, least_squared);
+      bound = hn::IfThenElse(known, hn::Min(bound, overlap(axis) / hn::Sqrt(squared)), bound);
+      // Near points of the two: the nearest unless they are nearly parallel.
       const auto from_edge = dot(d, from, edge), from_along = dot(d, from, along);
       const auto first = part_of_edge(d, both * from_along - from_edge * length_squared, squared);
       const auto on_segment = part_of_edge(d, both * first + from_along, length_squared);
