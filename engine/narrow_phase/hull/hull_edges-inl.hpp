@@ -108,13 +108,20 @@ HWY_INLINE std::size_t face_column_stride(const Polytope& own) {
 }
 
 #if HWY_TARGET != HWY_SCALAR
-/// Looks up one byte for each index below `size` in a table that is padded to 16 bytes.
+/// Looks up one byte for each index below `size` in a table of max_faces bytes.
 template <class B>
 HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t size, hn::Vec<B> index) {
 #if HWY_TARGET == HWY_AVX3_DL
-  // One instruction instead of fifty with tables of 16 bytes. Bytes past the table are loaded but never selected.
+  // One instruction instead of fifty with tables of 16 bytes. Bytes past `size` are loaded but never selected.
   if (HWY_LIKELY(size <= 64)) {
     return hn::Vec<B>{_mm512_permutexvar_epi8(index.raw, hn::Load(bytes, table).raw)};
+  }
+  const auto of_128 = [&](const std::uint8_t* part) HWY_ATTR {
+    return _mm512_permutex2var_epi8(hn::Load(bytes, part).raw, index.raw, hn::Load(bytes, part + 64).raw);
+  };
+  if (size <= 128) return hn::Vec<B>{of_128(table)};
+  if (size <= 256) {
+    return hn::Vec<B>{_mm512_mask_blend_epi8(_mm512_movepi8_mask(index.raw), of_128(table), of_128(table + 128))};
   }
 #endif
   auto out = hn::Zero(bytes);
@@ -135,7 +142,7 @@ template <class B>
 struct EdgeBytes {
   hn::Vec<B> left, right;
 
-  /// `bytes_of_faces` is padded to 16 bytes, and 64 bytes can be read.
+  /// `bytes_of_faces` has max_faces bytes.
   static HWY_INLINE EdgeBytes of(B bytes, const Polytope& own, const std::uint8_t* bytes_of_faces, std::size_t edge) {
     if (HWY_LIKELY(own.faces_of_edges != nullptr)) {
       const std::uint8_t* const left = own.faces_of_edges + edge;
