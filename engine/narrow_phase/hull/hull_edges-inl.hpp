@@ -125,12 +125,12 @@ HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t 
   }
 #endif
   auto out = hn::Zero(bytes);
-  // Each index belongs to one table of 16 bytes; in all other tables its highest bit is set, so that the lookup gives
-  // 0.
+  // Each index belongs to one table of 16 bytes. In all others its highest bit is set, so that the lookup gives 0.
   for (std::size_t f = 0; f < size; f += 16) {
     const auto from_here = index - hn::Set(bytes, static_cast<std::uint8_t>(f));
-    const auto beyond = hn::VecFromMask(bytes, hn::Gt(from_here, hn::Set(bytes, 15)));
-    out = hn::Or(out, hn::TableLookupBytesOr0(hn::LoadDup128(bytes, table + f), hn::Or(from_here, beyond)));
+    const auto marked = hn::SaturatedAdd(from_here, hn::Set(bytes, std::uint8_t{0x70}));
+    const auto valid = hn::And(marked, hn::Set(bytes, std::uint8_t{0x8f}));
+    out = hn::Or(out, hn::TableLookupBytesOr0(hn::LoadDup128(bytes, table + f), valid));
   }
   return out;
 }
