@@ -19,67 +19,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-template <class D>
-HWY_INLINE Vector<D> spread_out(D d, Vec3d p) {
-  return {at(d, p.x), at(d, p.y), at(d, p.z)};
-}
-
-constexpr int next_of(int i) { return i == 2 ? 0 : i + 1; }
-
-/// Minimum and maximum of the three corners along an axis.
-template <class D>
-struct Span {
-  hn::Vec<D> low, high;
-
-  static HWY_INLINE Span of(hn::Vec<D> p, hn::Vec<D> q, hn::Vec<D> r) {
-    return {hn::Min(p, hn::Min(q, r)), hn::Max(p, hn::Max(q, r))};
-  }
-  static HWY_INLINE Span of(hn::Vec<D> p, hn::Vec<D> q) { return {hn::Min(p, q), hn::Max(p, q)}; }
-  /// The overlap with the interval [-half, half], for a translation in either direction.
-  HWY_INLINE hn::Vec<D> overlap(hn::Vec<D> half) const { return half - hn::Max(low, hn::Neg(high)); }
-};
-
-/// Squares of lengths below this are not divided by.
-inline constexpr float least_squared = 1e-30f;
-
-/// A direction along which two shapes are far apart: from a point of one to a point of the other, the nearest of
-/// several such pairs. It need not be the best one, because the overlap along any direction is a bound of the depth.
-template <class D>
-class NearDirection {
- public:
-  explicit NearDirection(D d) : squared_(hn::Set(d, 1e30f)), direction_{hn::Zero(d), hn::Zero(d), hn::Zero(d)} {}
-
-  HWY_INLINE void take(D d, const Vector<D>& from_one_to_other) {
-    const auto squared = dot(d, from_one_to_other, from_one_to_other);
-    direction_ = choose(d, squared < squared_, from_one_to_other, direction_);
-    squared_ = hn::Min(squared, squared_);
-  }
-  const Vector<D>& get() const { return direction_; }
-  /// The smaller of `bound` and the overlap along the direction, which is given times the length of the direction.
-  HWY_INLINE hn::Vec<D> bound(D d, hn::Vec<D> bound, hn::Vec<D> overlap) const {
-    const auto known = squared_ > hn::Set(d, least_squared);
-    return hn::IfThenElse(known, hn::Min(bound, overlap / hn::Sqrt(squared_)), bound);
-  }
-
- private:
-  hn::Vec<D> squared_;
-  Vector<D> direction_;
-};
-
-/// Where on an edge the point is whose distance from its start, times the length of the edge, is `product`; clamped to
-/// the edge: from 0 to 1.
-template <class D>
-HWY_INLINE hn::Vec<D> part_of_edge(D d, hn::Vec<D> product, hn::Vec<D> squared_length) {
-  const auto part = product / hn::Max(squared_length, hn::Set(d, least_squared));
-  return hn::Min(hn::Max(part, hn::Zero(d)), hn::Set(d, 1.0f));
-}
-
-/// The sum of absolute products: how far a box of that half size reaches along an axis, times the length of the axis.
-template <class D>
-HWY_INLINE hn::Vec<D> reach_along(D d, const Vector<D>& axis, const Vector<D>& half) {
-  return dot(d, Vector<D>{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)}, half);
-}
-
 /// A ball.
 struct BallInMesh {
   static constexpr std::size_t max_corners = 1;
@@ -150,8 +89,7 @@ struct BoxInMesh {
     }
     for (int k = 0; k < 3; ++k) {
       const Vector<D> axis{at(d, rotation.m[0][k]), at(d, rotation.m[1][k]), at(d, rotation.m[2][k])};
-      const Vector<D> size{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)};
-      overlap = hn::Min(overlap, at(d, half[k]) + dot(d, size, in.half) - hn::Abs(dot(d, axis, apart)));
+      overlap = hn::Min(overlap, at(d, half[k]) + reach_along(d, axis, in.half) - hn::Abs(dot(d, axis, apart)));
     }
     return overlap;
   }
@@ -169,8 +107,7 @@ struct BoxInMesh {
     Vector<D> p[3];
     for (int i = 0; i < 3; ++i) p[i] = unrotate(d, r, subtract(d, in.corner[i], c));
     const Vector<D> n = unrotate(d, r, in.normal);
-    const Vector<D> spread{hn::Abs(n.x), hn::Abs(n.y), hn::Abs(n.z)};
-    auto overlap = dot(d, spread, size) - hn::Abs(dot(d, n, p[0]));
+    auto overlap = reach_along(d, n, size) - hn::Abs(dot(d, n, p[0]));
     overlap = hn::Min(overlap, Span<D>::of(p[0].x, p[1].x, p[2].x).overlap(size.x));
     overlap = hn::Min(overlap, Span<D>::of(p[0].y, p[1].y, p[2].y).overlap(size.y));
     overlap = hn::Min(overlap, Span<D>::of(p[0].z, p[1].z, p[2].z).overlap(size.z));

@@ -45,9 +45,8 @@ class FacesInMesh {
   template <class D>
   HWY_INLINE hn::Vec<D> boxes(D d, const Vector<D>& centre, const Vector<D>& half, hn::Vec<D> bound,
                               float floor) const {
-    return least_overlap(d, bound, floor, [&](const Vector<D>& n) HWY_ATTR {
-      return dot(d, n, centre) - dot(d, Vector<D>{hn::Abs(n.x), hn::Abs(n.y), hn::Abs(n.z)}, half);
-    });
+    return least_overlap(d, bound, floor,
+                         [&](const Vector<D>& n) HWY_ATTR { return dot(d, n, centre) - reach_along(d, n, half); });
   }
   template <class D>
   HWY_INLINE hn::Vec<D> triangles(D d, const Vector<D> (&corner)[3], hn::Vec<D> bound, float floor) const {

@@ -21,19 +21,12 @@
 #include <limits>
 
 #include "geometry/mesh_tree.hpp"
+#include "narrow_phase/mesh/mesh_lanes-inl.hpp"
 #include "narrow_phase/mesh/triangle.hpp"
 #include "narrow_phase/narrow_phase.hpp"
-#include "narrow_phase/simd/lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
-
-/// Number of boxes or triangles that are tested together, for every vector width.
-inline constexpr std::size_t group_size = 16;
-/// The error of a bound in float, as part of the two sizes: more than twenty rounding errors.
-inline constexpr double bound_margin = 2e-6;
-
-using FloatLanes = hn::CappedTag<float, group_size>;
 
 /// Counts the work of a walk for the counters.
 struct WalkCounts {
@@ -93,88 +86,6 @@ class Deepest {
   std::uint64_t key_ = 0;
   double margin_;
   float floor_;
-};
-
-/// Loads columns of four floats side by side, from `lane` on as many as a vector holds; `block(i)` points to the i-th
-/// column.
-template <class D, class Block>
-HWY_INLINE hn::Vec<D> load_blocks(D d, std::size_t lane, const Block& block) {
-#if HWY_TARGET == HWY_SCALAR
-  return hn::Load(d, block(lane / 4) + lane % 4);
-#else
-  const std::size_t i = lane / 4;
-  const hn::CappedTag<float, 4> quarter;
-  if constexpr (hn::MaxLanes(D()) == 16) {
-    const hn::CappedTag<float, 8> half;
-    return hn::Combine(d, hn::Combine(half, hn::Load(quarter, block(i + 3)), hn::Load(quarter, block(i + 2))),
-                       hn::Combine(half, hn::Load(quarter, block(i + 1)), hn::Load(quarter, block(i))));
-  } else if constexpr (hn::MaxLanes(D()) == 8) {
-    return hn::Combine(d, hn::Load(quarter, block(i + 1)), hn::Load(quarter, block(i)));
-  } else {
-    static_assert(hn::MaxLanes(D()) == 4);
-    return hn::Load(d, block(i));
-  }
-#endif
-}
-
-template <class D>
-HWY_INLINE std::uint32_t bits_of_mask(D d, hn::Mask<D> mask) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(d, mask, bytes);
-  return bytes[0] | static_cast<std::uint32_t>(bytes[1]) << 8;
-}
-
-template <class D>
-HWY_INLINE hn::Vec<D> at(D d, double value) {
-  return hn::Set(d, static_cast<float>(value));
-}
-
-/// Whether `overlap` divided by the square root of `squared` is at least `least`, without computing the root: compares
-/// squares that keep their sign.
-template <class D>
-HWY_INLINE hn::Mask<D> reaches(D d, hn::Vec<D> overlap, hn::Vec<D> squared, float least) {
-  return overlap * hn::Abs(overlap) >= hn::Set(d, least * std::abs(least)) * squared;
-}
-
-/// The four boxes of each of up to four nodes, in lanes.
-template <class D>
-struct BoxLanes {
-  Vector<D> centre, half;
-};
-
-/// Triangles in lanes.
-template <class D>
-struct TriangleLanes {
-  Vector<D> corner[3];
-  Vector<D> normal;
-};
-
-/// The bounds where `alive` is true; elsewhere a number that excludes.
-template <class D>
-HWY_INLINE hn::Vec<D> bounds_where(D d, hn::Mask<D> alive, hn::Vec<D> bounds) {
-  return hn::IfThenElse(alive, bounds, hn::Set(d, -1e30f));
-}
-
-/// The lanes of a group that remain, and their bounds.
-struct BoundedLanes {
-  alignas(64) float bound[group_size];
-  std::uint32_t bits = 0;
-
-  template <class D>
-  HWY_INLINE void put(D d, std::size_t lane, hn::Vec<D> bounds, float floor) {
-    hn::Store(bounds, d, bound + lane);
-    bits |= bits_of_mask(d, bounds >= hn::Set(d, floor)) << lane;
-  }
-  /// Removes the lane with the largest bound, the first of equal ones, and returns it. Precondition: one remains.
-  HWY_INLINE std::uint32_t take_largest() {
-    auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
-    for (std::uint32_t rest = bits & (bits - 1); rest != 0; rest &= rest - 1) {
-      const auto lane = static_cast<std::uint32_t>(__builtin_ctz(rest));
-      best = bound[lane] > bound[best] ? lane : best;
-    }
-    bits &= ~(1u << best);
-    return best;
-  }
 };
 
 /// Walks the tree of one mesh. `Query` is a convex shape, placed in the mesh's axes. Its boxes(d, BoxLanes, floor) and
