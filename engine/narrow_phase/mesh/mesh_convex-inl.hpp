@@ -40,10 +40,12 @@ struct BallInMesh {
 
   /// By the plane and the direction to the nearest point of the edges.
   template <class D>
-  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float) const {
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const Vector<D> c = spread_out(d, centre);
     Vector<D> corner[3];
     for (int i = 0; i < 3; ++i) corner[i] = subtract(d, in.corner[i], c);
+    const auto by_plane = at(d, radius) - hn::Abs(dot(d, in.normal, corner[0]));
+    if (hn::AllTrue(d, by_plane < hn::Set(d, floor))) return by_plane;
     NearDirection<D> near(d);
     for (int i = 0; i < 3; ++i) {
       const Vector<D> edge = subtract(d, corner[next_of(i)], corner[i]);
@@ -52,7 +54,7 @@ struct BallInMesh {
     }
     const Vector<D>& u = near.get();
     const auto nearest = Span<D>::of(dot(d, u, corner[0]), dot(d, u, corner[1]), dot(d, u, corner[2])).low;
-    return at(d, radius) + near.bound(d, hn::Neg(hn::Abs(dot(d, in.normal, corner[0]))), hn::Neg(nearest));
+    return hn::Min(by_plane, at(d, radius) + near.bound(d, hn::Zero(d), hn::Neg(nearest)));
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
@@ -76,6 +78,8 @@ struct BoxInMesh {
   static BoxInMesh of(const geometry::ShapeView&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     return {frame.position, frame.rotation, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
   }
+
+  double largest_half() const { return std::max(half[0], std::max(half[1], half[2])); }
 
   template <class D>
   HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float) const {
@@ -157,13 +161,14 @@ struct CapsuleInMesh {
 
   /// By the mesh's axes and the direction from the segment to the middle of the box.
   template <class D>
-  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float) const {
+  HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
     const Vec3d middle = (ends[0] + ends[1]) * 0.5;
     const Vector<D> apart = subtract(d, in.centre, spread_out(d, middle)), end = spread_out(d, ends[1] - middle);
     const auto overlap = [&](hn::Vec<D> size, hn::Vec<D> of_end, hn::Vec<D> distance)
                              HWY_ATTR { return size + hn::Abs(of_end) - hn::Abs(distance); };
     const auto bound = hn::Min(overlap(in.half.x, end.x, apart.x),
                                hn::Min(overlap(in.half.y, end.y, apart.y), overlap(in.half.z, end.z, apart.z)));
+    if (hn::AllTrue(d, at(d, radius) + bound < hn::Set(d, floor))) return at(d, radius) + bound;
     // The segment is symmetric, so the side of the middle on which the nearest point lies is given by the sign.
     const auto along = dot(d, apart, end);
     const auto part = hn::CopySign(part_of_edge(d, hn::Abs(along), dot(d, end, end)), along);
@@ -177,7 +182,7 @@ struct CapsuleInMesh {
   /// By the plane, the directions across an edge and the segment, and that between the nearest points of the edges and
   /// the segment.
   template <class D>
-  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float) const {
+  HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const auto zero = hn::Zero(d);
     const Vector<D> p = spread_out(d, ends[0]), along = spread_out(d, ends[1] - ends[0]);
     const auto length_squared = dot(d, along, along);
@@ -191,6 +196,7 @@ struct CapsuleInMesh {
       return hn::Min(triangle.high - segment.low, segment.high - triangle.low);
     };
     auto bound = overlap(in.normal);
+    if (hn::AllTrue(d, at(d, radius) + bound < hn::Set(d, floor))) return at(d, radius) + bound;
     NearDirection<D> near(d);
     for (int i = 0; i < 3; ++i) {
       const Vector<D>& from = corner[i];

@@ -22,22 +22,11 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 /// The planes of the faces of a hull in the axes of a mesh, relative to the origin of the hull. In float, for bounds.
+/// They are computed by the first call of prepare(): most hulls near a large mesh need none.
 class FacesInMesh {
  public:
-  FacesInMesh(const geometry::Hull& hull, const geometry::RotationD& rotation)
-      : offset_(hull.offset()), count_((hull.face_count() + faces_at_once - 1) / faces_at_once * faces_at_once) {
-    const Doubles d;
-    const Floats f;
-    for (std::size_t i = 0; i < count_; i += hn::Lanes(d)) {
-      const auto x = hn::PromoteTo(d, hn::Load(f, hull.normal_x() + i));
-      const auto y = hn::PromoteTo(d, hn::Load(f, hull.normal_y() + i));
-      const auto z = hn::PromoteTo(d, hn::Load(f, hull.normal_z() + i));
-      for (int k = 0; k < 3; ++k) {
-        const auto* const m = rotation.m[k];
-        hn::Store(hn::DemoteTo(f, hn::Set(d, m[0]) * x + hn::Set(d, m[1]) * y + hn::Set(d, m[2]) * z), f,
-                  normal_[k] + i);
-      }
-    }
+  HWY_INLINE void prepare(const geometry::Hull& hull, const geometry::RotationD& rotation) {
+    if (count_ == 0) compute(hull, rotation);
   }
 
   /// The least overlap along the normals, of boxes and of triangles relative to the origin of the hull, where it is not
@@ -62,6 +51,23 @@ class FacesInMesh {
   static constexpr std::size_t faces_at_once = 4;
   static_assert(geometry::hull_lanes % faces_at_once == 0);
 
+  HWY_NOINLINE void compute(const geometry::Hull& hull, const geometry::RotationD& rotation) {
+    const Doubles d;
+    const Floats f;
+    offset_ = hull.offset();
+    count_ = (hull.face_count() + faces_at_once - 1) / faces_at_once * faces_at_once;
+    for (std::size_t i = 0; i < count_; i += hn::Lanes(d)) {
+      const auto x = hn::PromoteTo(d, hn::Load(f, hull.normal_x() + i));
+      const auto y = hn::PromoteTo(d, hn::Load(f, hull.normal_y() + i));
+      const auto z = hn::PromoteTo(d, hn::Load(f, hull.normal_z() + i));
+      for (int k = 0; k < 3; ++k) {
+        const auto* const m = rotation.m[k];
+        hn::Store(hn::DemoteTo(f, hn::Set(d, m[0]) * x + hn::Set(d, m[1]) * y + hn::Set(d, m[2]) * z), f,
+                  normal_[k] + i);
+      }
+    }
+  }
+
   template <class D, class Lowest>
   HWY_INLINE hn::Vec<D> least_overlap(D d, hn::Vec<D> bound, float floor, const Lowest& lowest) const {
     const auto least = hn::Set(d, floor);
@@ -74,8 +80,8 @@ class FacesInMesh {
     return bound;
   }
 
-  const float* offset_;
-  std::size_t count_;  ///< rounded up to faces_at_once: the columns are padded by copies of the first face
+  const float* offset_ = nullptr;
+  std::size_t count_ = 0;  ///< rounded up to faces_at_once: the columns are padded by copies of the first face
   alignas(64) float normal_[3][max_faces];
 };
 
@@ -85,10 +91,10 @@ struct HullInMesh {
   Vec3d origin;
   geometry::RotationD rotation;
   BoxInMesh bounding_box;
-  FacesInMesh planes;
+  mutable FacesInMesh planes;  ///< computed when they are needed
 
   HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
-      : hull(own_hull), origin(own_origin), rotation(own_rotation), planes(own_hull, own_rotation) {
+      : hull(own_hull), origin(own_origin), rotation(own_rotation) {
     const FloatLanes f;
     const float* const column[3] = {hull.x(), hull.y(), hull.z()};
     double middle[3];
@@ -112,15 +118,26 @@ struct HullInMesh {
 
   template <class D>
   HWY_INLINE hn::Vec<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    const Vector<D> centre = subtract(d, in.centre, spread_out(d, origin));
-    return planes.boxes(d, centre, in.half, bounding_box.boxes(d, in, floor), floor);
+    const auto bound = bounding_box.boxes(d, in, floor);
+    // The faces rarely exclude a box that is larger than the hull and that the box of the hull does not exclude.
+    const auto largest = hn::Max(in.half.x, hn::Max(in.half.y, in.half.z));
+    const auto is_larger = hn::Gt(largest, at(d, bounding_box.largest_half()));
+    const auto decided = hn::Or(hn::Lt(bound, hn::Set(d, floor)), is_larger);
+    if (hn::AllTrue(d, decided)) return bound;
+    planes.prepare(hull, rotation);
+    // Only where undecided, so that the bounds do not depend on which boxes are in one vector.
+    const auto by_faces = planes.boxes(d, subtract(d, in.centre, spread_out(d, origin)), in.half, bound, floor);
+    return hn::IfThenElse(decided, bound, by_faces);
   }
   template <class D>
   HWY_INLINE hn::Vec<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
+    const auto bound = bounding_box.triangles(d, in, floor);
+    if (hn::AllTrue(d, bound < hn::Set(d, floor))) return bound;
+    planes.prepare(hull, rotation);
     const Vector<D> own = spread_out(d, origin);
     const Vector<D> corner[3] = {subtract(d, in.corner[0], own), subtract(d, in.corner[1], own),
                                  subtract(d, in.corner[2], own)};
-    return planes.triangles(d, corner, bounding_box.triangles(d, in, floor), floor);
+    return planes.triangles(d, corner, bound, floor);
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
