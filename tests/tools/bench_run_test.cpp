@@ -34,7 +34,7 @@ const char* filter_of(const std::string& program) {
   return nullptr;
 }
 
-/// The file of a program that is built as PROGRAM, or empty.
+/// The path of a benchmark program; empty if it is not built.
 std::string file_of(const std::string& program) {
   for (const auto& folder : std::filesystem::directory_iterator(RINGFENCE_BUILD "/bench")) {
     if (std::filesystem::is_regular_file(folder.path() / program)) return (folder.path() / program).string();

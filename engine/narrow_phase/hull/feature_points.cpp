@@ -65,17 +65,18 @@ void make_hull(std::span<const Vec3d> points, const Frame& frame, Polygon& out) 
   if (out.size > 1) --out.size;  // the first point again
 }
 
-/// How far each corner of a polygon is to the left of a line, scaled; the first corner again at the end.
-using Sides = std::array<double, 4 * max_feature_points + 1>;
+/// How far each corner of a polygon is to the left of a line, times the length of the line's direction; the first
+/// corner again at the end.
+using Distances = std::array<double, 4 * max_feature_points + 1>;
 
-/// Two polygons that take turns, so that none is copied: each has 16 KiB, most of it unused.
+/// Memory for clip(). The two polygons take turns, so that none is copied: each has 16 KiB, most of it unused.
 struct Spares {
   Polygon polygons[2];
-  Sides left;
+  Distances left;
 };
 
-/// Fills `left` for the line through `from` along `side`. Returns the least.
-double compute_left(const Polygon& polygon, Point2 from, Point2 side, Sides& left) {
+/// Computes `left` for the line through `from` along `side`. Returns the least.
+double compute_left(const Polygon& polygon, Point2 from, Point2 side, Distances& left) {
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < polygon.size; ++i) {
     left[i] = cross_2d(side, polygon.corner[i] - from);
@@ -86,7 +87,7 @@ double compute_left(const Polygon& polygon, Point2 from, Point2 side, Sides& lef
 }
 
 /// The part of a polygon to the left of a line.
-void cut(const Polygon& polygon, const Sides& left, Polygon& out) {
+void cut(const Polygon& polygon, const Distances& left, Polygon& out) {
   out.size = 0;
   for (std::size_t i = 0; i < polygon.size; ++i) {
     const Point2 p = polygon.corner[i];

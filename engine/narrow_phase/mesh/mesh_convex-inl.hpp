@@ -129,7 +129,7 @@ struct BoxInMesh {
       alive = hn::And(alive, reaches(d, along_y.overlap(length.x * size.z + length.z * size.x), zz + xx, floor));
       alive = hn::And(alive, reaches(d, along_z.overlap(length.y * size.x + length.x * size.y), xx + yy, floor));
     }
-    return bounds_where(d, alive, overlap);
+    return hn::IfThenElse(alive, overlap, hn::Set(d, -1e30f));
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {

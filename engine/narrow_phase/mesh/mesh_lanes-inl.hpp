@@ -78,12 +78,6 @@ struct TriangleLanes {
   Vector<D> normal;
 };
 
-/// The bounds where `alive` is true; elsewhere a number that excludes.
-template <class D>
-HWY_INLINE hn::Vec<D> bounds_where(D d, hn::Mask<D> alive, hn::Vec<D> bounds) {
-  return hn::IfThenElse(alive, bounds, hn::Set(d, -1e30f));
-}
-
 /// The lanes of a group that remain, and their bounds.
 struct BoundedLanes {
   alignas(64) float bound[group_size];

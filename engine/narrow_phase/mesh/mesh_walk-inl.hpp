@@ -125,8 +125,8 @@ class MeshWalk {
     float bound;
   };
 
-  /// Takes up to four nodes of one level that are not excluded by now. So no level ever has more than twelve nodes
-  /// waiting, which bounds the stack. Returns their number; 0: none waits.
+  /// Takes up to four waiting nodes that are not excluded by now, all of one level. Because they are of one level, no
+  /// level ever has more than twelve nodes waiting, which bounds the stack. Returns their number; 0: none waits.
   std::size_t take_nodes(geometry::TreeNode* nodes) {
     std::size_t taken = 0;
     while (taken < 4 && count_ > 0) {

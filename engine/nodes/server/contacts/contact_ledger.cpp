@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "base/prefetch.hpp"
-#include "geometry/vector.hpp"
 
 namespace ringfence::nodes {
 

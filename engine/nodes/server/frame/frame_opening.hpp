@@ -7,7 +7,7 @@ namespace ringfence::nodes {
 
 /// Sends every host its changes of the cut, and begins its frame: a host that receives the begin knows what it hosts.
 ///
-/// Threads: belongs to the server role. Allocates nothing.
+/// Threads: belongs to the server role. Allocates only when more users than ever before have changes.
 class FrameOpening {
  public:
   FrameOpening(ServerState& state, ServerExchange& exchange) : state_(state), exchange_(exchange) {}

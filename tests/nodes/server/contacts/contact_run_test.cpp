@@ -55,7 +55,7 @@ TEST_CASE("contacts are added in the order of their objects, and others are refu
   CHECK(!test.add(4, 4));      // an object with itself
   CHECK(!test.add(3, slots));  // no such slot
   CHECK(!test.add(~0u, ~0u));
-  CHECK(test.add(1, 2));  // two nodes may send one pair, and so may one
+  CHECK(test.add(1, 2));  // the same again: duplicates are dropped later
   CHECK(test.add(1, 11));
   CHECK(test.run.received() == 3);
 
@@ -82,7 +82,7 @@ TEST_CASE("a change names a contact that was added, or one of the frame before, 
   CHECK(test.add_ending(word_of({1, 4})));
   CHECK(test.add_ending(word_of({2, 12}), messages::change_at_border));
   CHECK(!test.add_ending(word_of({2, 3})));  // before the last one
-  CHECK(!test.add_ending(word_of({9, 9})));  // behind all
+  CHECK(!test.add_ending(word_of({9, 9})));  // above all keys
   CHECK(test.add_ending(word_of({5, 6})));
 
   test.run.end(test.objects, test.found_before);
