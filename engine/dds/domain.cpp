@@ -150,9 +150,13 @@ bool is_port_free(std::uint32_t port) {
   return free;
 }
 
-std::uint32_t free_domain() {
-  for (std::uint32_t domain = 0; domain <= max_domain; ++domain) {
-    if (is_port_free(world_port(domain)) && is_port_free(world_port(domain) + 1)) {
+bool is_domain_free(std::uint32_t domain) {
+  return is_port_free(world_port(domain)) && is_port_free(world_port(domain) + 1);
+}
+
+std::uint32_t free_domain(std::uint32_t first) {
+  for (std::uint32_t domain = first; domain <= max_domain; ++domain) {
+    if (is_domain_free(domain)) {
       return domain;
     }
   }
@@ -274,7 +278,35 @@ void Entity::reset() noexcept {
 
 Domain::Domain(const NetworkConfig& network, Side side) {
   check(network, side);
-  number_ = network.domain == NetworkConfig::any_domain ? free_domain() : network.domain;
+  if (network.domain == NetworkConfig::any_domain) {
+    join_any(network, side);
+  } else {
+    number_ = network.domain;
+    join(network, side);
+  }
+  const auto make_topic = [&](const TopicKind& kind) {
+    return Entity(dds_create_topic(participant_.get(), kind.type, kind.name, nullptr, nullptr), kind.name);
+  };
+  std::transform(topic_kinds.begin(), topic_kinds.end(), topics_.begin(), make_topic);
+  pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
+  participants_ = Entity(dds_create_reader(participant_.get(), DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr),
+                         "a reader of participants");
+}
+
+// A process that starts at the same time may take the ports of a domain that was free.
+void Domain::join_any(const NetworkConfig& network, Side side) {
+  for (number_ = free_domain(0);; number_ = free_domain(number_ + 1)) {
+    try {
+      return join(network, side);
+    } catch (const Error&) {
+      if (is_domain_free(number_)) {
+        throw;
+      }
+    }
+  }
+}
+
+void Domain::join(const NetworkConfig& network, Side side) {
   const std::string where = " (domain " + std::to_string(number_) + ", interface " +
                             (network.interface.empty() ? "chosen by Cyclone DDS" : network.interface) + ")";
   const auto is_usable = [&](std::uint32_t candidate) {
@@ -297,8 +329,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
   for (;;) {
     try {
-      join(network, side, index);
-      break;
+      return join(network, side, index);
     } catch (const Error& error) {
       domain_.reset();
       std::string why = error.what() + where + "; check that the interface exists (ip addr)";
@@ -313,13 +344,6 @@ Domain::Domain(const NetworkConfig& network, Side side) {
       }
     }
   }
-  const auto make_topic = [&](const TopicKind& kind) {
-    return Entity(dds_create_topic(participant_.get(), kind.type, kind.name, nullptr, nullptr), kind.name);
-  };
-  std::transform(topic_kinds.begin(), topic_kinds.end(), topics_.begin(), make_topic);
-  pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
-  participants_ = Entity(dds_create_reader(participant_.get(), DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr),
-                         "a reader of participants");
 }
 
 void Domain::join(const NetworkConfig& network, Side side, std::uint32_t index) {

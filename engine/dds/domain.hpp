@@ -99,6 +99,8 @@ class Domain {
   static std::string socket_buffer_shortage(const NetworkConfig& network);
 
  private:
+  void join_any(const NetworkConfig& network, Side side);
+  void join(const NetworkConfig& network, Side side);
   void join(const NetworkConfig& network, Side side, std::uint32_t index);
 
   std::uint32_t number_ = 0;

@@ -27,6 +27,9 @@ using Clock = std::chrono::steady_clock;
 // the network may recover soon.
 constexpr std::chrono::seconds world_timeout(3);
 
+// A node asks a silent World for its terms again after this time.
+constexpr std::chrono::milliseconds terms_period(500);
+
 std::string own_name() {
   char host[256] = {};
   gethostname(host, sizeof host - 1);
@@ -89,9 +92,10 @@ class NodeService::Implementation {
     }
   }
 
-  // Creates a new reader, at the start and after each World. It receives the terms of all Worlds, including those that
-  // were published while the node served another World.
+  // Creates a new reader, at the start, after each World, and while the World is silent. It receives the terms of all
+  // Worlds that are alive, including those that were published before.
   void read_terms() {
+    terms_read_ = Clock::now();
     terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), config_.network.world);
     Domain::set_hook(terms_, control_hook_);
   }
@@ -277,7 +281,7 @@ class NodeService::Implementation {
   }
 
   // Whether nothing shows that the World is alive. After its lease has expired, DDS reports it alive again only when a
-  // new sample of its terms arrives. A parcel to this node also shows that it is alive.
+  // sample of its terms arrives. A parcel to this node also shows that it is alive.
   bool is_world_silent() {
     if (std::exchange(parcels_arrived_, false)) {
       return false;
@@ -308,6 +312,8 @@ class NodeService::Implementation {
       if (now - last_alive_ > world_timeout) {
         silent_ = false;
         forget_world(ExitReason::abandoned, "the World is gone");
+      } else if (now - terms_read_ > terms_period) {
+        renew_terms_ = true;  // if only its lease expired, the World answers the new reader
       }
       return;
     }
@@ -349,6 +355,7 @@ class NodeService::Implementation {
   std::optional<ExitReason> ending_;
   Clock::time_point last_alive_{};
   Clock::time_point last_check_{};
+  Clock::time_point terms_read_{};  ///< when terms_ was created
   bool silent_ = false;
   bool parcels_arrived_ = false;  ///< a parcel has arrived since the last call of is_world_silent()
   bool renew_terms_ = false;

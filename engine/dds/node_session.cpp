@@ -17,6 +17,9 @@ namespace {
 
 constexpr std::size_t ring_bytes = std::size_t{1} << 16;
 
+/// A node without a link announces itself again after this time.
+constexpr double announcement_period_ms = 500;
+
 /// TCP ports for the links of a node: the upper half of the ports of a DDS domain, of which DDS uses UDP only.
 constexpr std::uint32_t first_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 125; }
 constexpr std::uint32_t last_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 249; }
@@ -128,6 +131,7 @@ void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_
 
 void NodeSession::publish_state(NodeState state) {
   state_ = state;
+  announced_ns_ = telemetry::now_ns();
   write_presence(presence_, incarnation_, world_.number(), name_, state, own_release());
 }
 
@@ -215,6 +219,16 @@ void NodeSession::accept_world() {
     channel_to_world_->report_to(events_, world_.number());
     watch_peers(false);
     announce_when_ready();
+  } else {
+    announce_again();
+  }
+}
+
+// If the lease of the announcement expires before the World has opened a link, for example because one of the two
+// processes stalls, the World forgets this node. Only a new sample shows that the node is alive.
+void NodeSession::announce_again() {
+  if (telemetry::to_ms(telemetry::now_ns() - announced_ns_) > announcement_period_ms) {
+    publish_state(state_);
   }
 }
 

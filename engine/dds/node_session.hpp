@@ -107,6 +107,7 @@ class NodeSession {
   bool arm() noexcept;
   void disarm() noexcept;
   void accept_world();
+  void announce_again();
   bool receive_parcels();
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
   bool assign(const Assignment& assignment);
@@ -135,6 +136,7 @@ class NodeSession {
   bool armed_ = false;          ///< events of links in shared memory were requested
   std::uint64_t query_ns_ = 0;  ///< time of an assignment query without a reply; 0: none
   NodeState state_ = NodeState::joining;
+  std::uint64_t announced_ns_ = 0;  ///< time of the last announcement
   facade::DuplexChannel channel_;
   link::Channel from_peers_;  ///< messages of other nodes; their order with those of the server does not matter
   std::unique_ptr<nodes::CdNodeRole> role_;

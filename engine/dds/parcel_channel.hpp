@@ -80,7 +80,7 @@ class ParcelChannel {
   bool has_news() const noexcept { return stream_.has_news(); }
   /// Reads what has arrived and passes each parcel to `deliver(kind, shapes, offset, bytes)`. `deliver` advances
   /// `offset` past what it has processed. If it returns false, the rest of this parcel and all later ones stay for the
-  /// next call. Returns whether `deliver` has processed anything.
+  /// next call, unless the link has ended. Returns whether `deliver` has processed anything.
   ///
   /// The bytes of a parcel of messages are in place: the other process may change them meanwhile, see
   /// LinkStream::received(). Other parcels are copied first.
@@ -168,19 +168,21 @@ inline bool copy_to_ring(std::span<const std::byte> message, link::Sender& out) 
   return copy_to_ring(message, out, [](std::span<const std::byte>) { return true; });
 }
 
+// The end of the link is noticed also while a parcel cannot be processed: what the parcel waits for may never come.
 template <class Deliver>
 bool ParcelChannel::receive(Deliver& deliver) {
   bool any = false;
+  bool is_blocked = false;
   do {
-    while (next_parcel()) {
+    while (!is_blocked && next_parcel()) {
       const std::size_t before = offset_;
-      if (!deliver(static_cast<ParcelKind>(header_->kind), header_->shapes, offset_, contents())) {
-        return any || offset_ != before;
+      is_blocked = !deliver(static_cast<ParcelKind>(header_->kind), header_->shapes, offset_, contents());
+      any |= !is_blocked || offset_ != before;
+      if (!is_blocked) {
+        end_of_delivery();
       }
-      any = true;
-      end_of_delivery();
     }
-  } while (stream_.receive(max_unread));
+  } while (stream_.receive(max_unread) && !is_blocked);
   if (stream_.is_closed()) {
     fail();
   }

@@ -1,6 +1,4 @@
 // The program with its nodes as processes over loopback, compared with nodes as threads.
-#include <fstream>
-#include <iterator>
 #include <string>
 
 #include <doctest/doctest.h>
@@ -51,29 +49,6 @@ TEST_CASE("a recorded world gives the same result with nodes in other processes 
   const ProgramResult answer = test::ringfence(air + "--link dds");
   CHECK_MESSAGE(answer.code == 0, answer.out);
   CHECK(test::digest_in(answer.out) == expected);
-}
-
-TEST_CASE("a World that stalls for longer than its lease has its nodes again when it continues") {
-  const test::TemporaryFolder folder;
-  const std::string status = folder / "status.json";
-  const auto read_status = [&] {
-    std::ifstream file(status);
-    return std::string((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  };
-  test::Process world({RINGFENCE_PROGRAM, "run", "--objects", "300", "--users", "4", "--frames", "10000000", "--warmup",
-                       "0", "--link", "dds", "--nodes", "2", "--quiet", "--status", status});
-  CHECK(test::wait_until([&] { return read_status().find("\"number\": 1") != std::string::npos; }));
-  world.signal(SIGSTOP);
-  std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(4 * test::lease_ms));
-  std::string last = read_status();
-  world.signal(SIGCONT);
-  // The status is written once a second: the third one includes all losses of that time.
-  for (int i = 0; i < 3; ++i) {
-    REQUIRE(test::wait_until([&] { return read_status() != last; }, 60));
-    last = read_status();
-  }
-  CHECK(test::wait_until([&] { return read_status().find("\"number\": 1") != std::string::npos; }, 60));
-  CHECK(!world.has_ended());
 }
 
 TEST_CASE("a World that no node joins prints advice and exits with 2") {

@@ -193,4 +193,38 @@ TEST_CASE("a channel whose other end closes, or sends an invalid header, is brok
   }
 }
 
+TEST_CASE("a channel whose other end closes is broken also while a parcel waits") {
+  for (const test::LinkKind kind : test::link_kinds) {
+    const test::LinkListener listener(kind);
+    dds::LinkStream theirs = listener.connect();
+    test::ChannelEnd mine(listener.accept());
+    const dds::ParcelHeader parcel{0, static_cast<std::uint32_t>(dds::ParcelKind::assign), 0, 0};
+    theirs.append(std::as_bytes(std::span(&parcel, 1)));
+    REQUIRE(test::wait_until([&] {
+      mine.step();
+      return theirs.flush();
+    }));
+    dds::ParcelChannel& channel = mine.parcel_channel();
+    bool waits = false;
+    auto refuse = [&](dds::ParcelKind, std::uint32_t, std::size_t&, std::span<const std::byte>) {
+      waits = true;
+      return false;
+    };
+    const auto receive = [&] {
+      channel.note_events();
+      CHECK(!channel.receive(refuse));
+    };
+    CHECK(test::wait_until([&] {
+      receive();
+      return waits;
+    }));
+    CHECK(!channel.is_broken());
+    theirs = {};
+    CHECK(test::wait_until([&] {
+      receive();
+      return channel.is_broken();
+    }));
+  }
+}
+
 }  // namespace ringfence

@@ -1,6 +1,7 @@
 // Several Worlds in one domain, and Worlds that send invalid data.
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 #include <thread>
 #include <vector>
@@ -54,6 +55,25 @@ class TestWorld {
     return reason;
   }
 
+  /// Takes announcements of nodes until `count` have arrived. Returns how often the node that sent the last one has
+  /// announced itself.
+  std::size_t announcements(std::size_t count) {
+    std::map<std::uint64_t, std::size_t> by_incarnation;
+    std::uint64_t last = 0;
+    std::size_t taken = 0;
+    CHECK(test::wait_until([&] {
+      dds::take_all<dds::PresenceSample>(presence_,
+                                         [&](const dds::PresenceSample& sample, const dds_sample_info_t& info) {
+                                           if (info.valid_data && info.instance_state == DDS_IST_ALIVE) {
+                                             ++by_incarnation[last = sample.incarnation];
+                                             ++taken;
+                                           }
+                                         });
+      return taken >= count;
+    }));
+    return by_incarnation[last];
+  }
+
  private:
   static dds::NetworkConfig network(const std::string& name, std::uint32_t domain) {
     dds::NetworkConfig network;
@@ -93,6 +113,23 @@ TEST_CASE("two Worlds with different names share a domain, each with its own nod
     CHECK_MESSAGE(answer.code == 0, answer.out);
     CHECK(test::digest_in(answer.out) == expected);
     CHECK(answer.out.find("is lost") == std::string::npos);
+  }
+}
+
+TEST_CASE("Worlds that start at the same time each find a domain of their own") {
+  for (int round = 0; round < 5; ++round) {
+    ProgramResult answers[3];
+    std::vector<std::thread> starts;
+    for (ProgramResult& answer : answers) {
+      starts.emplace_back(
+          [&answer] { answer = test::ringfence("run --objects 50 --users 1 --frames 3 --link dds --nodes 1"); });
+    }
+    for (std::thread& start : starts) {
+      start.join();
+    }
+    for (const ProgramResult& answer : answers) {
+      CHECK_MESSAGE(answer.code == 0, answer.out);
+    }
   }
 }
 
@@ -136,6 +173,16 @@ TEST_CASE("a node with --once exits with 2 if the terms of the World are invalid
   is_refused([](auto& record) { record.bounds_min[1] = 11; }, "min <= max");
   is_refused([](auto& record) { record.cells_log2[2] = 40; }, "2^40 cells on an axis; expected at most 2^10");
   is_refused([](auto& record) { record.placement = 2; }, "placement 2; expected 0 or 1");
+}
+
+// Only by a new announcement does the World learn that a node is alive whose lease has expired.
+TEST_CASE("a node to which the World has no link announces itself again and again") {
+  dds::WorldTermsRecord record = good_terms();
+  record.setup_bytes = 8;  // the node waits for the setup
+  TestWorld world("silent", 177, record);
+  const test::Process node(
+      {RINGFENCE_PROGRAM, "node", "--quiet", "--interface", "lo", "--domain", "177", "--world", "silent"});
+  CHECK(world.announcements(4) >= 3);
 }
 
 }  // namespace ringfence
