@@ -1,5 +1,6 @@
 #include "ringfence/gateway.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "gateway/clients/clients.hpp"
@@ -15,10 +16,20 @@ using gateway::EdgeConfig;
 
 constexpr double close_limit_s = 2;
 constexpr double max_rate = 1000;
+constexpr double messages_per_frame = 2;
 constexpr double metrics_period_s = 1;
+
+// A client may send an input in each frame, also where frames are short.
+gateway::EdgeLimits edge_limits(const GatewayConfig& config) {
+  gateway::EdgeLimits limits;
+  limits.messages_per_s = std::max(limits.messages_per_s, messages_per_frame * config.rate);
+  limits.message_burst = std::max(limits.message_burst, 2 * limits.messages_per_s);
+  return limits;
+}
 
 EdgeConfig edge_config(const GatewayConfig& config) {
   EdgeConfig edge;
+  edge.limits = edge_limits(config);
   edge.host = config.host;
   edge.port = config.port;
   edge.certificate_file = config.certificate_file;

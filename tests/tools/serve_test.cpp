@@ -85,6 +85,15 @@ TEST_CASE("players come back to a world that was killed and continued from its j
   CHECK(test::ringfence("journal " + journal + " --verify").code == 0);
 }
 
+TEST_CASE("clients may send an input in each frame, however short frames are") {
+  const TemporaryFolder folder;
+  RunningProgram server({"serve", "--listen", "127.0.0.1:0", "--objects", "100", "--tick", "400"}, folder / "errors");
+  REQUIRE(server.started());
+  const ProgramResult robots =
+      test::ringfence("robots --url " + url_of(server) + " --clients 2 --seconds 3 --inputs every");
+  CHECK_MESSAGE(robots.code == 0, robots.out);
+}
+
 TEST_CASE("a worse network of one address does not delay the clients of another") {
   const TemporaryFolder folder;
   RunningProgram server({"serve", "--listen", "127.0.0.1:0", "--objects", "100", "--network",
