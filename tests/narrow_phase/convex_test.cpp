@@ -236,6 +236,23 @@ TEST_CASE("the contact point of two long, nearly parallel edges lies in both bod
   }
 }
 
+TEST_CASE("a hull that reaches out of the other side of a thin one has its contact point where the two would touch") {
+  // Found by tools/check-accuracy: plates with a fiftieth of the depth, or less, and points beside one of the hulls.
+  struct Found {
+    std::uint64_t seed;
+    std::size_t pair;
+  };
+  for (const Found& found : {Found{5000002, 978}, Found{11000005, 1079}, Found{1000005, 1280}}) {
+    const PairWorld world = degenerate_convex_pairs(ShapeKind::hull, ShapeKind::hull, found.pair + 8, found.seed);
+    const auto at = world.pairs.begin() + static_cast<std::ptrdiff_t>(found.pair);
+    for (const std::vector<geometry::CandidatePair>& pairs : {std::vector{*at}, std::vector(at - 8, at + 8)}) {
+      const CheckResult result = check_contacts(world, pairs, run_kernel(world, pairs, narrow_phase::test_hull_hull));
+      CHECK(result.contacts > pairs.size() / 2);
+      CHECK_MESSAGE(result.wrong == 0, result.text);
+    }
+  }
+}
+
 TEST_CASE("the common point of two features is the middle of their intersection") {
   const Vec3d up{0, 0, 1};
   const auto square = [](double x, double y, double half, double z) {

@@ -14,13 +14,14 @@
 
 #include "narrow_phase/hull/crossing_edges-inl.hpp"
 #include "narrow_phase/hull/hull_pairs-inl.hpp"
+#include "narrow_phase/hull/polytope_contact-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Computes the contacts of the undecided pairs of a block along their best directions, as PolytopePair::measured does.
+/// Computes the contacts of the undecided pairs of a block along their best directions, as PolytopeContact does.
 /// The pairs are sorted by the features that touch: a vertex of either hull, or two edges that cross. All others, and
-/// pairs whose point lies outside a hull, are measured by PolytopePair.
+/// pairs whose point lies outside a hull, are measured by PolytopeContact.
 class HullContacts {
  public:
   HullContacts(HullPairs& pairs, BlockContacts& out) : pairs_(pairs), out_(out) {}
@@ -154,9 +155,9 @@ class HullContacts {
 
   HWY_NOINLINE void measure_alone(std::size_t i) {
     const Polytope a = polytope_of(hull(0, i)), b = polytope_of(hull(1, i));
-    const Placement<float> placed = pairs_.placed.get(i);
-    PolytopePair<float> pair(a, b, placed, {pairs_.axis_overlap[i], 0, 0}, pairs_.work);
-    const Overlap<float> found = pair.measured_along(at(pairs_.best_direction, i));
+    const RotationMatrix<float> rotation = pairs_.placed.rotation_of(i);
+    const Vec3f offset = pairs_.placed.offset_of(i);
+    const Overlap<float> found = PolytopeContact<float>(a, b, rotation, offset).along(at(pairs_.best_direction, i));
     out_.put(i, found.depth, found.normal, found.point);
   }
 

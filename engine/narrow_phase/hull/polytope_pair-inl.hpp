@@ -27,6 +27,7 @@
 
 #include "narrow_phase/hull/hull_edges-inl.hpp"
 #include "narrow_phase/hull/placement-inl.hpp"
+#include "narrow_phase/hull/polytope_contact-inl.hpp"
 #include "narrow_phase/hull/support_feature-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -68,22 +69,16 @@ class PolytopePair {
     const T after_faces = best_;
     const Point<T> direction_after_faces = direction_;
     if (separated_by_edges(false)) return false;
-    out = measured();
+    out = contact_along(direction_);
     if (out.depth > best_ + Rounding<T>::sure * (best_ + size())) {
       // An edge pair that was accepted was not a face of the difference. This was never observed, but if it happens
       // each edge pair is evaluated by its exact overlap.
       best_ = after_faces;
       direction_ = direction_after_faces;
       if (separated_by_edges(true)) return false;
-      out = measured();
+      out = contact_along(direction_);
     }
     return true;
-  }
-
-  /// Depth and point along a direction that is already known to be the best.
-  Overlap<T> measured_along(Point<T> direction) {
-    direction_ = direction;
-    return measured();
   }
 
   /// After a test that found the polytopes apart: a unit direction that separates them, in the axes of a.
@@ -93,6 +88,10 @@ class PolytopePair {
   static constexpr Columns16<T> d{};
   using Lanes = hn::Vec<Columns16<T>>;
   using Bounds = FaceBounds<T>;
+
+  Overlap<T> contact_along(Point<T> direction) const {
+    return PolytopeContact<T>(a_, b_, rotation_, offset_).along(direction);
+  }
 
   HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
 
@@ -361,83 +360,6 @@ class PolytopePair {
 
   HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
   HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(rotation_, vertex_of<T>(b_, i)) + offset_; }
-
-  /// The largest distance by which a contact point may lie outside of either shape.
-  HWY_INLINE T outside_tolerance() const { return T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)); }
-
-  /// Computes depth and point along the best direction.
-  Overlap<T> measured() const {
-    const T inverse = T(1) / std::sqrt(dot(direction_, direction_));
-    const Point<T> normal = direction_ * inverse;
-    const T slack = Rounding<T>::height * size();
-    Feature<T> of_a, of_b;
-    find_feature<T>(a_, normal, slack, of_a);
-    find_feature<T>(b_, -rotate_inverse(rotation_, normal), slack, of_b);
-    const T depth = (of_a.height + of_b.height) - dot(normal, offset_);
-    Overlap<T> result{depth > T(0) ? depth : T(0), normal, {}};
-    const T height = of_a.height - depth * T(0.5);
-    if (of_b.count == 1) {
-      const Point<T> vertex = vertex_of_b(of_b.first());
-      result.point = vertex + normal * (depth * T(0.5));
-      if (outside(a_, vertex, outside_tolerance())) result.point = search_contact_point(normal, height, result.point);
-    } else if (of_a.count == 1) {
-      const Point<T> vertex = vertex_of_a(of_a.first());
-      result.point = vertex - normal * (depth * T(0.5));
-      if (outside(b_, rotate_inverse(rotation_, vertex - offset_), outside_tolerance()))
-        result.point = search_contact_point(normal, height, result.point);
-    } else {
-      result.point = shared_point(of_a, of_b, normal, height);
-      // Two crossing edges meet inside both shapes, except for very different sizes, which are tested in double.
-      const bool cross = sizeof(T) == 4 && of_a.count == 2 && of_b.count == 2 && !nearly_parallel(of_a, of_b);
-      if (!cross && distance_outside(result.point) > outside_tolerance()) {
-        result.point = search_contact_point(normal, height, result.point);
-      }
-    }
-    return result;
-  }
-
-  /// Whether two edges, each of two vertices, are parallel within 0.01.
-  bool nearly_parallel(const Feature<T>& of_a, const Feature<T>& of_b) const {
-    const Point<T> p = vertex_of_a(of_a.last(a_.vertices)) - vertex_of_a(of_a.first());
-    const Point<T> q = rotate(rotation_, vertex_of<T>(b_, of_b.last(b_.vertices)) - vertex_of<T>(b_, of_b.first()));
-    const Point<T> across = cross(p, q);
-    return dot(across, across) < T(1e-4) * dot(p, p) * dot(q, q);
-  }
-
-  /// The distance by which a point lies outside of the shape from which it is farther.
-  T distance_outside(Point<T> point) const {
-    return std::max(distance_outside_polytope<T>(a_, point),
-                    distance_outside_polytope<T>(b_, rotate_inverse(rotation_, point - offset_)));
-  }
-
-  /// Searches the contact point where the deepest feature of one shape lies beside the other shape. There two faces or
-  /// edges are so nearly parallel that a larger part of them, which is only slightly less deep, makes the contact. The
-  /// tolerance for this part is increased until a common point is found.
-  HWY_NOINLINE Point<T> search_contact_point(Point<T> normal, T height, Point<T> first) const {
-    Point<T> best = first;
-    T least = distance_outside(first);
-    for (T factor = 32; factor < T(1e5) && least > outside_tolerance(); factor *= 32) {
-      const T slack = factor * Rounding<T>::height * size();
-      Feature<T> of_a, of_b;
-      find_feature<T>(a_, normal, slack, of_a);
-      find_feature<T>(b_, -rotate_inverse(rotation_, normal), slack, of_b);
-      const Point<T> point = shared_point(of_a, of_b, normal, height);
-      const T out = distance_outside(point);
-      best = out < least ? point : best;
-      least = std::min(out, least);
-    }
-    return best;
-  }
-
-  HWY_NOINLINE Point<T> shared_point(const Feature<T>& of_a, const Feature<T>& of_b, Point<T> normal, T height) const {
-    FeaturePoints first, second;
-    const auto in_double = [](Point<T> p) { return Vec3d{double(p.x), double(p.y), double(p.z)}; };
-    for_each_in(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
-    for_each_in(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
-    const Vec3d p = common_point(first.get(), second.get(), in_double(normal));
-    const Point<T> common{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
-    return common + normal * (height - dot(normal, common));
-  }
 
   const Polytope& a_;
   const Polytope& b_;
