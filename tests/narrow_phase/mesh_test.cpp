@@ -76,6 +76,52 @@ TEST_CASE("contacts of needles, coplanar faces, triangle soup, single triangles 
   }
 }
 
+// Level geometry is like this: everything is turned by right angles, but for rounding.
+TEST_CASE("crates with edges and faces nearly parallel to those of a mesh have the right contacts") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    CAPTURE(seed);
+    RandomSource random(seed);
+    PairWorld world;
+    const auto half_extents = [&] {
+      return Vec3d{random.logarithmic(0.05, 5), random.logarithmic(0.05, 5), random.logarithmic(0.05, 5)};
+    };
+    for (int i = 0; i < 15'000; ++i) {
+      const Vec3d crate = half_extents(), block = half_extents();
+      constexpr double quarter = 0.78539816339744831;
+      constexpr double turns[] = {0, quarter, 2 * quarter, 0.3};
+      const double half = 0.5 * turns[random.below(4)], tilt = random.logarithmic(1e-9, 1e-2);
+      // The tilt is added to the quaternion, which is normalised to float.
+      Vec3d turn = Vec3d{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)} * tilt;
+      const int axis = random.below(3);
+      (axis == 0 ? turn.x : axis == 1 ? turn.y : turn.z) += std::sin(half);
+      const double inverse = 1 / std::sqrt(dot(turn, turn) + std::cos(half) * std::cos(half));
+      Pose at;
+      at.orientation = {static_cast<float>(turn.x * inverse), static_cast<float>(turn.y * inverse),
+                        static_cast<float>(turn.z * inverse), static_cast<float>(std::cos(half) * inverse)};
+      // Beside a face, an edge or a corner, with a small overlap or gap.
+      const double beyond = random.logarithmic(1e-6, 0.3) * (random.below(4) == 0 ? 1 : -1);
+      const Vec3d reach = crate + block + Vec3d{beyond, beyond, beyond};
+      const int place = random.below(4);
+      at.position = place < 2    ? Vec3d{reach.x, random.uniform(-1, 1) * reach.y, random.uniform(-1, 1) * reach.z}
+                    : place == 2 ? Vec3d{0.7071 * reach.x, 0.7071 * reach.y, 0}
+                                 : reach * 0.577;
+      ConvexHull hull;
+      for (unsigned corner = 0; corner < 8; ++corner) {
+        const auto side = [corner](double extent, unsigned bit) {
+          return static_cast<float>((corner & bit) != 0 ? extent : -extent);
+        };
+        hull.points.push_back({side(crate.x, 1), side(crate.y, 2), side(crate.z, 4)});
+      }
+      world.add_pair(seed == 3 ? ShapeDescription(Box{to_float(crate)}) : ShapeDescription(hull), {},
+                     box_surface(block, 1), at);
+    }
+    NarrowPhase narrow_phase(world.shapes());
+    const CheckResult result = check_contacts(world, world.pairs, narrow_phase.test(world.bodies, world.pairs));
+    CHECK(result.contacts > world.pairs.size() / 2);
+    CHECK_MESSAGE(result.wrong == 0, result.text);
+  }
+}
+
 TEST_CASE("every target gives the same bits for meshes") {
   for (const ShapeKind kind : kinds) {
     for (const bool degenerate : {false, true}) {

@@ -85,6 +85,33 @@ TEST_CASE("the contacts of 100,000 pairs of boxes as in the paper's world are ri
               1e-4);
 }
 
+TEST_CASE("a capsule beside an edge of a box, nearly parallel to it, is as deep as their distance says") {
+  const unsigned seed = 19;
+  CAPTURE(seed);
+  RandomSource random(seed);
+  PairWorld world;
+  for (int i = 0; i < 20'000; ++i) {
+    const double length = random.logarithmic(0.5, 50);
+    const double beside = random.logarithmic(0.02, 2);
+    const Box box{{static_cast<float>(random.uniform(0.1, 5)), static_cast<float>(random.uniform(0.1, 5)),
+                   static_cast<float>(length)}};
+    const Vec3d gap = Vec3d{random.uniform(0.1, 1), random.uniform(0.1, 1), 0} * beside;
+    // The edge ends within the capsule's length, so the nearest point is where the edge ends.
+    const Capsule capsule{static_cast<float>(beside * random.uniform(0.5, 3)),
+                          static_cast<float>(length * random.uniform(1, 2))};
+    const double tilt = random.logarithmic(1e-7, 1e-3);
+    Pose at;
+    at.position = Vec3d{box.half_extents.x, box.half_extents.y, random.uniform(-0.3, 0.3) * length} + gap;
+    at.orientation = {static_cast<float>(tilt * random.uniform(-1, 1)),
+                      static_cast<float>(tilt * random.uniform(-1, 1)), 0, 1};
+    world.add_pair(box, {}, capsule, at);
+  }
+  narrow_phase::NarrowPhase narrow_phase(world.shapes());
+  const CheckResult result = check_contacts(world, world.pairs, narrow_phase.test(world.bodies, world.pairs), 1e-4);
+  CHECK(result.contacts > 5000);
+  CHECK_MESSAGE(result.wrong == 0, result.text);
+}
+
 TEST_CASE("capsules whose nearest point is just inside an end have a normal perpendicular to that segment") {
   // From worlds of 4000 capsules. Rounding once selected the end itself, and the normal was off by 5e-4.
   PairWorld world;

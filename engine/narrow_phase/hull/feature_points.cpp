@@ -131,18 +131,36 @@ struct NearestOfSides {
   double squared = std::numeric_limits<double>::infinity();
   Point2 middle{0, 0};
 
-  void corners_to_sides(const Polygon& corners, const Polygon& sides) {
-    for (std::size_t i = 0; i < corners.size; ++i) {
-      for (std::size_t s = 0; s < sides.size; ++s) {
-        const Point2 p = corners.corner[i], from = sides.corner[s], side = sides.next(s) - from;
-        const double whole = dot(side, side);
-        const double part = whole > 0 ? std::clamp(dot(p - from, side) / whole, 0.0, 1.0) : 0.0;
-        const Point2 q = between(from, sides.next(s), part), gap = p - q;
-        if (dot(gap, gap) < squared) squared = dot(gap, gap), middle = between(p, q, 0.5);
-      }
+  void point_to_sides(Point2 p, const Polygon& sides) {
+    for (std::size_t s = 0; s < sides.size; ++s) {
+      const Point2 from = sides.corner[s], side = sides.next(s) - from;
+      const double whole = dot(side, side);
+      const double part = whole > 0 ? std::clamp(dot(p - from, side) / whole, 0.0, 1.0) : 0.0;
+      const Point2 q = between(from, sides.next(s), part), gap = p - q;
+      if (dot(gap, gap) < squared) squared = dot(gap, gap), middle = between(p, q, 0.5);
     }
   }
+  void corners_to_sides(const Polygon& corners, const Polygon& sides) {
+    for (std::size_t i = 0; i < corners.size; ++i) point_to_sides(corners.corner[i], sides);
+  }
 };
+
+/// Whether a point is certainly inside of a triangle, both projected along a normal.
+bool is_in_triangle(Vec3d p, Vec3d q, Vec3d r, Vec3d point, Vec3d normal) {
+  const Vec3d from_p = point - p, from_q = point - q, from_r = point - r;
+  const double left_of_pq = ringfence::dot(normal, cross(from_p, from_q)),
+               left_of_qr = ringfence::dot(normal, cross(from_q, from_r)),
+               left_of_rp = ringfence::dot(normal, cross(from_r, from_p));
+  return (left_of_pq > 0 && left_of_qr > 0 && left_of_rp > 0) || (left_of_pq < 0 && left_of_qr < 0 && left_of_rp < 0);
+}
+
+bool is_inside(const Polygon& polygon, Point2 p) {
+  bool inside = polygon.size > 2;
+  for (std::size_t s = 0; inside && s < polygon.size; ++s) {
+    inside = cross_2d(polygon.next(s) - polygon.corner[s], p - polygon.corner[s]) >= 0;
+  }
+  return inside;
+}
 
 /// For two segments: their crossing, or the middle of their common part if they are collinear.
 Point2 intersect_segments(const Polygon& p, const Polygon& q) {
@@ -201,6 +219,28 @@ Vec3d common_point(std::span<const Vec3d> first, std::span<const Vec3d> second, 
   make_hull(second, frame, q);
   const Point2 at = intersect_features(p, q, spares);
   return frame.u * at.x + frame.v * at.y;
+}
+
+double distance_from_feature(std::span<const Vec3d> feature, Vec3d point, Vec3d normal) noexcept {
+  // The most frequent cases need no basis: a corner, an edge, and a point inside a triangle of the feature.
+  if (feature.size() <= 2) {
+    const auto level = [normal](Vec3d v) { return v - normal * ringfence::dot(normal, v); };
+    const Vec3d gap = level(point - feature[0]), edge = level(feature.back() - feature[0]);
+    const double whole = ringfence::dot(edge, edge);
+    const double part = whole > 0 ? std::clamp(ringfence::dot(gap, edge) / whole, 0.0, 1.0) : 0.0;
+    return length(gap - edge * part);
+  }
+  for (std::size_t i = 2; i < feature.size(); ++i) {
+    if (is_in_triangle(feature[i - 2], feature[i - 1], feature[i], point, normal)) return 0;
+  }
+  const Frame frame(normal);
+  const Point2 p = frame.project(point);
+  Polygon polygon;
+  make_hull(feature, frame, polygon);
+  if (is_inside(polygon, p)) return 0;
+  NearestOfSides nearest;
+  nearest.point_to_sides(p, polygon);
+  return std::sqrt(nearest.squared);
 }
 
 }  // namespace ringfence::narrow_phase

@@ -34,4 +34,7 @@ class FeaturePoints {
 /// the middle of the two nearest points. Computes in double. No allocation.
 Vec3d common_point(std::span<const Vec3d> first, std::span<const Vec3d> second, Vec3d normal) noexcept;
 
+/// The distance of a point from the convex hull of a feature, both projected along the unit vector `normal`; 0 inside.
+double distance_from_feature(std::span<const Vec3d> feature, Vec3d point, Vec3d normal) noexcept;
+
 }  // namespace ringfence::narrow_phase

@@ -13,6 +13,7 @@
 #define RINGFENCE_NARROW_PHASE_MESH_HULL_INL
 #endif
 
+#include <algorithm>
 #include <limits>
 
 #include "geometry/hull.hpp"
@@ -171,6 +172,13 @@ struct HullInMesh {
     }
   };
 
+  /// Edges nearer to parallel than this, whose directions are floats, are evaluated by their exact overlap.
+  static constexpr double sure_sine_squared = 1e-4;
+
+  static double lowest_of(Vec3d p, Vec3d q, Vec3d r, Vec3d unit) {
+    return std::min(ringfence::dot(unit, p), std::min(ringfence::dot(unit, q), ringfence::dot(unit, r)));
+  }
+
   static HWY_INLINE hn::Vec<Doubles> read(const float* column) {
     const Floats f;
     return hn::PromoteTo(Doubles(), hn::Load(f, column));
@@ -181,19 +189,27 @@ struct HullInMesh {
 
   /// Tries the two sides of the triangle.
   bool sides(const Vec3d corner[3], double at_least, Best& best) const {
-    const Doubles d;
     const Vec3d across = ringfence::cross(corner[1] - corner[0], corner[2] - corner[0]);
     const Vec3d normal = across * (1 / length(across));
     const double at_plane = ringfence::dot(normal, corner[0]);
-    const Vector<Doubles> n = spread(normal);
+    const Extent extent = extent_along(normal);
+    return best.take(extent.high - at_plane, normal, at_least) && best.take(at_plane - extent.low, -normal, at_least);
+  }
+
+  struct Extent {
+    double low, high;
+  };
+  /// The extent of the hull along a unit vector in its axes.
+  Extent extent_along(Vec3d unit) const {
+    const Doubles d;
+    const Vector<Doubles> n = spread(unit);
     auto low = hn::Set(d, std::numeric_limits<double>::infinity()), high = hn::Neg(low);
     for (std::size_t i = 0; i < hull.vertex_count(); i += hn::Lanes(d)) {
       const auto height = dot(d, n, Vector<Doubles>{read(hull.x() + i), read(hull.y() + i), read(hull.z() + i)});
       low = hn::Min(low, height);
       high = hn::Max(high, height);
     }
-    return best.take(hn::GetLane(hn::MaxOfLanes(d, high)) - at_plane, normal, at_least) &&
-           best.take(at_plane - hn::GetLane(hn::MinOfLanes(d, low)), -normal, at_least);
+    return {hn::GetLane(hn::MinOfLanes(d, low)), hn::GetLane(hn::MaxOfLanes(d, high))};
   }
 
   bool faces(const Vec3d corner[3], double at_least, Best& best) const {
@@ -266,7 +282,11 @@ struct HullInMesh {
         if ((bits[0] >> lane & 1) == 0 || i + lane >= hull.edge_count()) continue;
         const double inverse = 1 / std::sqrt(squared_of[lane]);
         const Vec3d normal{axis_of[0][lane] * inverse, axis_of[1][lane] * inverse, axis_of[2][lane] * inverse};
-        if (!best.take(overlap_of[lane] * inverse, normal, at_least)) return false;
+        // Nearly parallel edges give a direction along which other vertices may be farther.
+        const double value = squared_of[lane] > sure_sine_squared
+                                 ? overlap_of[lane] * inverse
+                                 : extent_along(normal).high - lowest_of(from, from + edge, opposite, normal);
+        if (!best.take(value, normal, at_least)) return false;
       }
     }
     return true;

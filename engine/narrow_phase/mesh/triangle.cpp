@@ -231,17 +231,27 @@ Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle,
   const double high = extent(triangle, n).high;
   double low = std::numeric_limits<double>::infinity();
   for (const Vec3d& p : points) low = std::min(low, dot(n, p));
-  std::array<Vec3d, 3> of_triangle;
-  std::size_t corners = 0;
-  for (const Vec3d& p : triangle.corner) {
-    if (dot(n, p) >= high - slack) of_triangle[corners++] = p;
+  Vec3d best;
+  double least = std::numeric_limits<double>::infinity();
+  // Where two faces or edges are nearly parallel, the deepest corners may lie beside each other: then larger parts of
+  // them, which are only slightly less deep, touch.
+  for (double part = slack; part <= 1e4 * slack && least > slack; part *= 32) {
+    std::array<Vec3d, 3> of_triangle;
+    std::size_t corners = 0;
+    for (const Vec3d& p : triangle.corner) {
+      if (dot(n, p) >= high - part) of_triangle[corners++] = p;
+    }
+    FeaturePoints of_other;
+    for (const Vec3d& p : points) {
+      if (dot(n, p) <= low + part) of_other.add(p);
+    }
+    const std::span<const Vec3d> first(of_triangle.data(), corners), second = of_other.get();
+    const Vec3d common = common_point(first, second, n);
+    if (radius > 0) return common + n * (0.5 * (high + (low - radius)) - dot(n, common));
+    const double beside = std::max(distance_from_feature(first, common, n), distance_from_feature(second, common, n));
+    if (beside < least) least = beside, best = common;
   }
-  FeaturePoints of_other;
-  for (const Vec3d& p : points) {
-    if (dot(n, p) <= low + slack) of_other.add(p);
-  }
-  const Vec3d common = common_point({of_triangle.data(), corners}, of_other.get(), n);
-  return common + n * (0.5 * (high + (low - radius)) - dot(n, common));
+  return best + n * (0.5 * (high + (low - radius)) - dot(n, best));
 }
 
 }  // namespace ringfence::narrow_phase

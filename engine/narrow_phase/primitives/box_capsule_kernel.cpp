@@ -32,10 +32,10 @@ struct BoxCapsule {
     const auto zero = hn::Zero(d);
     const Rotation<D> box = rotation(d, in.first_orientation);
     const Frame<D> frame = frame_of(d, in, box);
-    const Nearest<D> nearest = nearest_on_segment(d, frame.half, frame.centre, frame.u, frame.segment);
+    const auto rounding = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(4e-6)) * size_of(frame);
+    const Nearest<D> nearest = nearest_on_segment(d, frame.half, frame.centre, frame.u, frame.segment, rounding);
     const auto distance_squared = dot(d, nearest.gap, nearest.gap);
     // For a gap so small that rounding decides its direction the axes are used, which are as good there.
-    const auto rounding = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(4e-6)) * size_of(frame);
     const auto apart = distance_squared > rounding * rounding;
 
     const auto distance = hn::Sqrt(distance_squared);
@@ -152,7 +152,7 @@ struct BoxCapsule {
 
   template <class D>
   static HWY_INLINE Nearest<D> nearest_on_segment(D d, const Vector<D>& half, const Vector<D>& centre,
-                                                  const Vector<D>& u, hn::Vec<D> segment) {
+                                                  const Vector<D>& u, hn::Vec<D> segment, hn::Vec<D> rounding) {
     const auto zero = hn::Zero(d), one = hn::Set(d, Scalar<D>{1});
     Bracket<D> bracket;
     bracket.low = hn::Neg(segment);
@@ -173,15 +173,18 @@ struct BoxCapsule {
     const Vector<D> on_segment = add(d, centre, scale(d, u, t));
     Vector<D> gap{excess(d, on_segment.x, half.x), excess(d, on_segment.y, half.y), excess(d, on_segment.z, half.z)};
     // Inside the segment the gap is perpendicular to it, in the components in which it may change: a remainder from
-    // rounding would tilt a short gap. Past a single face it may not change at all.
+    // rounding would tilt a short gap. Past a single face it may not change at all. What is longer is no remainder: the
+    // point is past one more face, by less than rounding shows.
     const Vector<D> turns{hn::IfThenElseZero(gap.x != zero, u.x), hn::IfThenElseZero(gap.y != zero, u.y),
                           hn::IfThenElseZero(gap.z != zero, u.z)};
     const auto past_x = hn::IfThenElseZero(gap.x != zero, one), past_y = hn::IfThenElseZero(gap.y != zero, one),
                past_z = hn::IfThenElseZero(gap.z != zero, one);
     const auto squared = dot(d, turns, turns);
     const auto within = hn::AndNot(hn::Or(at_low, at_high), past_x + past_y + past_z > one);
-    const auto corrects = hn::And(within, squared > least_edge_axis_squared(d));
-    const auto tilt = hn::IfThenElseZero(corrects, dot(d, gap, turns) / hn::IfThenElse(corrects, squared, one));
+    const auto remainder = dot(d, gap, turns);
+    const auto is_short = remainder * remainder <= rounding * rounding * squared;
+    const auto corrects = hn::And(hn::And(within, is_short), squared > least_edge_axis_squared(d));
+    const auto tilt = hn::IfThenElseZero(corrects, remainder / hn::IfThenElse(corrects, squared, one));
     gap = subtract(d, gap, scale(d, turns, tilt));
     return {on_segment, gap};
   }
