@@ -216,9 +216,11 @@ void LinkStream::read_signals() {
 
 bool LinkStream::read_socket(std::size_t most) {
   constexpr std::size_t at_once = std::size_t{1} << 16;
-  std::copy(in_.begin() + static_cast<std::ptrdiff_t>(begin_), in_.begin() + static_cast<std::ptrdiff_t>(end_),
-            in_.begin());
-  end_ -= std::exchange(begin_, 0);
+  if (begin_ != 0) {
+    std::copy(in_.begin() + static_cast<std::ptrdiff_t>(begin_), in_.begin() + static_cast<std::ptrdiff_t>(end_),
+              in_.begin());
+    end_ -= std::exchange(begin_, 0);
+  }
   if (end_ >= most) {
     return false;
   }

@@ -28,7 +28,7 @@ TEST_CASE("the contacts of an object are those at its indices, in that order, fo
   std::vector<std::uint32_t> forwards, backwards, by_index;
   for (const Contact& contact : contacts) forwards.push_back(contact.a);
   CHECK(forwards == indices);
-  for (const Contact& contact : contacts | std::views::reverse) backwards.push_back(contact.a);
+  for (auto at = contacts.end(); at != contacts.begin();) backwards.push_back((--at)->a);
   CHECK(std::equal(backwards.rbegin(), backwards.rend(), indices.begin(), indices.end()));
   for (std::size_t i = 0; i < contacts.size(); ++i) by_index.push_back(contacts[i].a);
   CHECK(by_index == indices);
