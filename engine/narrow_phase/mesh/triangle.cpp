@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include "narrow_phase/hull/feature_points.hpp"
@@ -235,7 +236,9 @@ Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle,
   double least = std::numeric_limits<double>::infinity();
   // Where two faces or edges are nearly parallel, the deepest corners may lie beside each other: then larger parts of
   // them, which are only slightly less deep, touch.
-  for (double part = slack; part <= 1e4 * slack && least > slack; part *= 32) {
+  constexpr double widths[] = {1, 32, 1024};
+  for (std::size_t i = 0; i < std::size(widths) && least > slack; ++i) {
+    const double part = widths[i] * slack;
     std::array<Vec3d, 3> of_triangle;
     std::size_t corners = 0;
     for (const Vec3d& p : triangle.corner) {
@@ -247,8 +250,9 @@ Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle,
     }
     const std::span<const Vec3d> first(of_triangle.data(), corners), second = of_other.get();
     const Vec3d common = common_point(first, second, n);
-    if (radius > 0) return common + n * (0.5 * (high + (low - radius)) - dot(n, common));
-    const double beside = std::max(distance_from_feature(first, common, n), distance_from_feature(second, common, n));
+    // The direction of a round shape comes from the nearest points of the two, so its features are never beside.
+    const double beside =
+        radius > 0 ? 0 : std::max(distance_from_feature(first, common, n), distance_from_feature(second, common, n));
     if (beside < least) least = beside, best = common;
   }
   return best + n * (0.5 * (high + (low - radius)) - dot(n, best));

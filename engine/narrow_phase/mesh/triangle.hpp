@@ -45,7 +45,8 @@ Penetration triangle_penetration(const Triangle& triangle, const Triangle& other
 
 /// The point midway between the two surfaces where they overlap by the penetration. `points` are those of the other
 /// shape (of its core, if it has a `radius`), all of them or at least those lowest along the normal. Points within
-/// `slack` of the lowest or highest one belong to the touching feature.
+/// `slack` of the lowest or highest one belong to the touching feature; where these features lie beside each other,
+/// points within more.
 Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle, std::span<const Vec3d> points,
                        double radius, double slack) noexcept;
 
