@@ -127,8 +127,9 @@ TEST_CASE("hulls of many points that overlap deeply have the same bits on every 
   }
 }
 
-// The scalar target selects faces and edges by bounds in float, the others by bounds in fixed point.
-TEST_CASE("needles, plates, grids, prisms and hulls far from their origin have the bits of the scalar target") {
+// The last target is plain C++ (scalar; emu128 with clang++). The scalar target selects faces and edges by bounds in
+// float, the others by bounds in fixed point.
+TEST_CASE("needles, plates, grids, prisms and hulls far from their origin have the bits of plain C++") {
   for (std::uint64_t seed = 16; seed < 22; ++seed) {
     INFO("seed ", seed);
     const PairWorld world = degenerate_convex_pairs(ShapeKind::hull, ShapeKind::hull, 1500, seed);
@@ -137,7 +138,7 @@ TEST_CASE("needles, plates, grids, prisms and hulls far from their origin have t
       const ForcedTarget forced(target);
       return sorted(narrow_phase.test(world.bodies, world.pairs));
     };
-    const std::vector<PairContact> expected = contacts_on("scalar");
+    const std::vector<PairContact> expected = contacts_on(narrow_phase::targets().back());
     REQUIRE(expected.size() > world.pairs.size() / 8);
     for (const std::string& target : narrow_phase::targets()) {
       INFO("target ", target);

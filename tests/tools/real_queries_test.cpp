@@ -132,7 +132,8 @@ TEST_CASE("the nearest aircraft to each aircraft, in recorded air traffic, is th
   auto answers = read_answers(answers_file);
   std::size_t asked = 0, near = 0;
   for (std::uint32_t frame = 0; frame < frames.size(); ++frame) {
-    for (const auto& [number, p] : frames[frame]) {
+    for (const auto& object : frames[frame]) {
+      const auto& [number, p] = object;
       std::map<ObjectNumber, double> distances;
       double least = std::numeric_limits<double>::infinity();
       for (const auto& [other, q] : frames[frame]) {
@@ -140,7 +141,7 @@ TEST_CASE("the nearest aircraft to each aircraft, in recorded air traffic, is th
       }
       const std::vector<AnswerRow>& rows = answers[{frame, number}];
       CAPTURE(frame);
-      CAPTURE(number);
+      CAPTURE(object.first);
       REQUIRE(rows.size() == (distances.empty() ? 0 : 1));
       if (rows.empty()) continue;
       ++asked;

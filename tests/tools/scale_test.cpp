@@ -105,7 +105,8 @@ TEST_CASE("scale runs every combination, with the digests of run") {
       {"serial", "modelled"},   {"frame", "undisturbed"}, {"speedup", "undisturbed"},
       {"serial", "undisturbed"}};
   std::size_t end = names.find("frame ms") + std::string("frame ms").size();
-  for (const auto& [name, kind] : measured) {
+  for (const auto& column : measured) {
+    const std::string &name = column.first, &kind = column.second;
     end = names.find(name, end) + name.size();
     CHECK_MESSAGE(kinds.substr(end - kind.size(), kind.size()) == kind, name);
   }

@@ -45,9 +45,10 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
         {Stage::waiting, Stage::moving, Stage::gathering, Stage::ending}}},
       {"a message of another node", {fixture.message(MessageType::hand_over, hand_over, Endpoint::node(1)), {}}},
   };
-  for (const auto& [name, one] : cases) {
+  for (const auto& each : cases) {
+    const auto& one = each.second;
     for (int stage = 0; stage <= static_cast<int>(Stage::reporting); ++stage) {
-      CAPTURE(name);
+      CAPTURE(each.first);
       CAPTURE(stage);
       fixture.state().stage = static_cast<Stage>(stage);
       CHECK(expected.is_acceptable(one.first) == (one.second.count(static_cast<Stage>(stage)) != 0));
