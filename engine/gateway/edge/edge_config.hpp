@@ -9,7 +9,8 @@
 
 namespace ringfence::gateway {
 
-/// Limits that protect the gateway from clients. Times in seconds.
+/// Limits that protect the gateway from clients. Times in seconds. Gateway raises the limits of messages where its
+/// frames are short.
 struct EdgeLimits {
   double hello_s = 5;                        ///< for the TLS handshake, for each request of HTTP, and for the hello
   double reply_s = 60;                       ///< for a reply of HTTP, and for a connection without a hello in all

@@ -48,7 +48,9 @@ struct GatewayConfig {
   std::size_t max_clients = 10000;
   /// Parameters of the motion model that clients receive, to predict it; of the model walk: see WalkConfig.
   std::vector<std::byte> model_parameters;
-  double rate = 20;  ///< frames per second that the embedder runs; clients predict with it
+  /// Frames per second that the embedder runs, above 0, at most 1000; clients predict with it. A client may send two
+  /// messages per frame, or 120 per second if that is more.
+  double rate = 20;
   std::string
       contact_label;    ///< what a contact means in this world, for spectators: "loss of separation"; may be empty
   double grace_s = 30;  ///< seconds for which the avatar of a player whose connection ended stays

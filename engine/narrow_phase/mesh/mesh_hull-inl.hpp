@@ -17,6 +17,7 @@
 #include <limits>
 
 #include "geometry/hull.hpp"
+#include "narrow_phase/hull/support_feature-inl.hpp"
 #include "narrow_phase/mesh/mesh_convex-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -172,9 +173,6 @@ struct HullInMesh {
     }
   };
 
-  /// Edges nearer to parallel than this, whose directions are floats, are evaluated by their exact overlap.
-  static constexpr double sure_sine_squared = 1e-4;
-
   static double lowest_of(Vec3d p, Vec3d q, Vec3d r, Vec3d unit) {
     return std::min(ringfence::dot(unit, p), std::min(ringfence::dot(unit, q), ringfence::dot(unit, r)));
   }
@@ -283,7 +281,7 @@ struct HullInMesh {
         const double inverse = 1 / std::sqrt(squared_of[lane]);
         const Vec3d normal{axis_of[0][lane] * inverse, axis_of[1][lane] * inverse, axis_of[2][lane] * inverse};
         // Nearly parallel edges give a direction along which other vertices may be farther.
-        const double value = squared_of[lane] > sure_sine_squared
+        const double value = squared_of[lane] > Rounding<double>::sure_sine_squared
                                  ? overlap_of[lane] * inverse
                                  : extent_along(normal).high - lowest_of(from, from + edge, opposite, normal);
         if (!best.take(value, normal, at_least)) return false;
