@@ -119,9 +119,18 @@ struct JoinedRows {
           d, [&](std::size_t lane) { return &second(lane).pose.orientation.x; }, r);
     }
     first_size[r] = join_rows(
-        d, [&](std::size_t lane) { return rows[first(lane).shape].size; }, r);
+        d, [&](std::size_t lane) { return size_of<K::first>(rows[first(lane).shape], r); }, r);
     second_size[r] = join_rows(
-        d, [&](std::size_t lane) { return rows[second(lane).shape].size; }, r);
+        d, [&](std::size_t lane) { return size_of<K::second>(rows[second(lane).shape], r); }, r);
+  }
+
+ private:
+  /// The four floats that are row r of a size. Those of a sphere begin so that float r is the radius, which is its
+  /// bounding radius too.
+  template <ShapeKind kind>
+  static HWY_INLINE const float* size_of(const geometry::ShapeRow& shape, std::size_t r) {
+    if constexpr (kind == ShapeKind::sphere) return &shape.bounding_radius - r;
+    return shape.size;
   }
 };
 
@@ -139,6 +148,20 @@ HWY_INLINE Quaternion<D> quaternion_of(D d, const hn::Vec<D>* rows) {
   return {v[0], v[1], v[2], v[3]};
 }
 
+/// The sizes of shapes of a kind. Those of spheres, which have only one number, need no transposition: it is taken from
+/// the diagonal of the rows.
+template <ShapeKind kind, class D>
+HWY_INLINE Vector<D> size_of(D d, const hn::Vec<D>* rows) {
+  if constexpr (kind == ShapeKind::sphere) {
+    const hn::Repartition<std::uint64_t, D> wide;
+    const auto lower = hn::BitCast(wide, hn::OddEven(rows[1], rows[0]));
+    const auto upper = hn::BitCast(wide, hn::OddEven(rows[3], rows[2]));
+    return {hn::BitCast(d, hn::OddEven(upper, lower)), hn::Zero(d), hn::Zero(d)};
+  } else {
+    return vector_of(d, rows);
+  }
+}
+
 /// Gathers as many pairs as `d` has lanes: `pair_of(lane)` is the pair of a lane.
 template <class K, class D, class PairOf>
 HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const PairOf& pair_of) {
@@ -151,8 +174,8 @@ HWY_INLINE Lanes<D> gather(D d, const KernelInput& input, const PairOf& pair_of)
   out.offset = vector_of(d, rows.offset);
   if constexpr (K::first != ShapeKind::sphere) out.first_orientation = quaternion_of(d, rows.first_orientation);
   if constexpr (K::second != ShapeKind::sphere) out.second_orientation = quaternion_of(d, rows.second_orientation);
-  out.first_size = vector_of(d, rows.first_size);
-  out.second_size = vector_of(d, rows.second_size);
+  out.first_size = size_of<K::first>(d, rows.first_size);
+  out.second_size = size_of<K::second>(d, rows.second_size);
   return out;
 }
 

@@ -58,9 +58,11 @@ struct InputPairs {
     if constexpr (std::is_same_v<Pair, KernelPair>) {
       return {gather<K>(d, input, pair_of), ids_of(d, at)};
     } else {
+      // The numbers are added to a constant: Iota of a variable stores each lane to memory, and the load of the vector
+      // would wait for these stores.
       const hn::RebindToUnsigned<D> ids;
-      return {gather<K>(d, input, pair_of),
-              {hn::Iota(ids, input.first_candidate + static_cast<std::uint32_t>(i)), hn::Zero(ids)}};
+      const auto first = hn::Set(ids, input.first_candidate + static_cast<std::uint32_t>(i));
+      return {gather<K>(d, input, pair_of), {hn::Iota(ids, 0) + first, hn::Zero(ids)}};
     }
   }
 };
