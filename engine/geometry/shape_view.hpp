@@ -17,7 +17,8 @@ struct ShapeRow {
   /// In metres. Sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; hull: its centroid;
   /// others: 0.
   float size[3] = {};
-  float bounding_radius = 0;  ///< of a ball around the shape's origin that contains the shape
+  /// Of a ball around the shape's origin that contains the shape. Sphere: exactly the radius; kernels read it there.
+  float bounding_radius = 0;
   ShapeKind kind = ShapeKind::sphere;
   std::uint8_t reserved[3] = {};
   std::uint32_t index_in_kind = 0;  ///< index among the hulls, meshes or support functions

@@ -125,11 +125,12 @@ struct JoinedRows {
   }
 
  private:
-  /// The four floats that are row r of a size. Those of a sphere begin so that float r is the radius, which is its
-  /// bounding radius too.
+  /// The four floats that are row r of a size. Those of a sphere begin so that float r is the bounding radius, which is
+  /// the radius.
   template <ShapeKind kind>
   static HWY_INLINE const float* size_of(const geometry::ShapeRow& shape, std::size_t r) {
-    if constexpr (kind == ShapeKind::sphere) return &shape.bounding_radius - r;
+    static_assert(offsetof(geometry::ShapeRow, bounding_radius) == 3 * sizeof(float));
+    if constexpr (kind == ShapeKind::sphere) return shape.size + (3 - r);
     return shape.size;
   }
 };
