@@ -119,16 +119,16 @@ struct JoinedRows {
           d, [&](std::size_t lane) { return &second(lane).pose.orientation.x; }, r);
     }
     first_size[r] = join_rows(
-        d, [&](std::size_t lane) { return size_of<K::first>(rows[first(lane).shape], r); }, r);
+        d, [&](std::size_t lane) { return size_row<K::first>(rows[first(lane).shape], r); }, r);
     second_size[r] = join_rows(
-        d, [&](std::size_t lane) { return size_of<K::second>(rows[second(lane).shape], r); }, r);
+        d, [&](std::size_t lane) { return size_row<K::second>(rows[second(lane).shape], r); }, r);
   }
 
  private:
-  /// The four floats that are row r of a size. Those of a sphere begin so that float r is the bounding radius, which is
-  /// the radius.
+  /// Where row r of a shape's size begins. That of a sphere begins so that float r is the bounding radius, which is the
+  /// radius.
   template <ShapeKind kind>
-  static HWY_INLINE const float* size_of(const geometry::ShapeRow& shape, std::size_t r) {
+  static HWY_INLINE const float* size_row(const geometry::ShapeRow& shape, std::size_t r) {
     static_assert(offsetof(geometry::ShapeRow, bounding_radius) == 3 * sizeof(float));
     if constexpr (kind == ShapeKind::sphere) return shape.size + (3 - r);
     return shape.size;
