@@ -81,8 +81,8 @@ void Clients::after_frame() {
   for (const auto& client : roster_.clients()) {
     if (client->connection == 0) continue;
     if (!client->is_welcomed) send_welcome(*client);
+    if (needs_status(*client)) send_status(*client);
     if (is_due(*client)) send_update(*client);
-    if (client->role != Role::play && now % status_period_ == 0) send_status(*client);
   }
   if (now % status_period_ == 0) status_.restart();
   transport_.send(outbox_);
@@ -90,6 +90,12 @@ void Clients::after_frame() {
 
 bool Clients::is_due(const Client& client) const noexcept {
   return client.role == Role::play || world_.frames() % spectator_period_ == 0;
+}
+
+/// A new spectator needs what a contact means before its first update.
+bool Clients::needs_status(const Client& client) const noexcept {
+  if (client.role == Role::play) return false;
+  return world_.frames() % status_period_ == 0 || client.nodes != world_.report().nodes.size();
 }
 
 /// All objects are read for spectators, and once a second to find static objects.
@@ -182,6 +188,7 @@ void Clients::send_status(Client& client) {
   send_body(client.connection, ServerMessageType::status,
             status_.text(roster_.connected(), digest, client.map_epoch == epoch), outbox_);
   client.map_epoch = epoch;
+  client.nodes = world_.report().nodes.size();
 }
 
 bool Clients::send(UserId user, std::span<const std::byte> bytes) {

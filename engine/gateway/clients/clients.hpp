@@ -53,6 +53,7 @@ class Clients {
   void send_status(Client& client);
   void add_metadata();
   bool is_due(const Client& client) const noexcept;
+  bool needs_status(const Client& client) const noexcept;
 
   World& world_;
   const GatewayConfig& config_;

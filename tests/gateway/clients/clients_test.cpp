@@ -335,6 +335,22 @@ TEST_CASE("a spectator sees the whole world, or the part that it asks for, and t
   CHECK(served.transport.closed(player) == nullptr);
 }
 
+TEST_CASE("a spectator receives a status at once, and after each change of the number of nodes") {
+  Served served(1, 2);
+  const ConnectionId spectator = served.transport.open(Role::watch);
+  served.frame();
+  CHECK(served.transport.take(spectator, ServerMessageType::status).size() == 1);
+  served.frame();
+  CHECK(served.transport.take(spectator, ServerMessageType::status).empty());
+  REQUIRE(served.world().resize(3) == Status::ok);
+  for (int i = 0; i < 10 && served.world().report().nodes.size() < 3; ++i) served.frame();
+  REQUIRE(served.world().report().frame < 15);  // before the status of the first second
+  const auto statuses = served.transport.take(spectator, ServerMessageType::status);
+  REQUIRE(statuses.size() == 1);
+  const std::string text(reinterpret_cast<const char*>(statuses[0].data()) + 1, statuses[0].size() - 1);
+  CHECK(nlohmann::json::parse(text).at("nodes").size() == 3);
+}
+
 TEST_CASE("a spectator receives the pairs that touch in its view") {
   Served served;
   const ConnectionId player = served.transport.open(Role::play);

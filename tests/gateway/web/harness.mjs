@@ -10,7 +10,7 @@ const require = createRequire(new URL("../../../engine/gateway/web/package.json"
 /** A module of engine/gateway/web/node_modules. */
 export const load = (name) => require(name);
 export const program = process.env.RINGFENCE_PROGRAM;
-export const patience_ms = 30000;
+export const patience_ms = 60000;
 
 const actionsAtEnd = new WeakMap();
 
@@ -100,7 +100,7 @@ export async function view(test, ...args) {
   return { url, ended };
 }
 
-/** The next event for which `matches` holds; fails after half a minute. */
+/** The next event for which `matches` holds; fails after `patience_ms`. */
 export function eventOf(target, type, matches = () => true) {
   return new Promise((resolve, reject) => {
     const timer = setTimeout(() => reject(new Error(`no event ${type}`)), patience_ms);

@@ -15,8 +15,11 @@ const browser = await puppeteer.launch({ executablePath: process.env.RINGFENCE_C
   "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"] });
 test.after(() => browser.close());
 
-/** Opens the page. At the end of the test it must have logged no errors and asked no other host for anything. */
-async function open(t, url, { width = 1000, height = 640, media = [], isMobile = false } = {}) {
+/**
+ * Opens the page; `before` runs in it before its own script. At the end of the test it must have logged no errors and
+ * asked no other host for anything.
+ */
+async function open(t, url, { width = 1000, height = 640, media = [], isMobile = false, before = null } = {}) {
   const page = await (await browser.createBrowserContext()).newPage();
   const errors = [];
   page.on("console", (message) => {
@@ -28,6 +31,7 @@ async function open(t, url, { width = 1000, height = 640, media = [], isMobile =
   });
   await page.setViewport({ width, height, isMobile, hasTouch: isMobile });
   await page.emulateMediaFeatures(media);
+  if (before !== null) await page.evaluateOnNewDocument(before);
   await page.goto(url);
   atEnd(t, async () => {
     await page.close();
@@ -180,29 +184,32 @@ test("on a phone there is a stick, and everything is on the screen", async (t) =
 test("recorded air traffic is shown with losses of separation, a legend, and its end", async (t) => {
   const data = join(process.env.RINGFENCE_DATA, "air");
   const { url, ended } = await view(t, "--scene", join(data, "scene.json"), "--motion", join(data, "motion.csv"),
-    "--frames", "60", "--quiet", "--tick", "20");
-  const page = await open(t, url); // the path of players, whom a recording does not have
+    "--frames", "100", "--quiet", "--tick", "20");
+  // The path of players, whom a recording does not have. From the first update on, distances are taken in the update that
+  // has the contact: a pair is shown for a while after it, and moves on.
+  const page = await open(t, url, { before: () => {
+    const distances = window.distances = [];
+    let parts;
+    Object.defineProperty(window, "ringfence", { get: () => parts, set: (value) => {
+      parts = value;
+      const { client } = value;
+      client.addEventListener("update", () => {
+        for (const pair of client.touching) {
+          const [p, q] = pair.map((number) => client.objects.get(number).position);
+          distances.push(Math.hypot(...p.map((value, axis) => value - q[axis])));
+        }
+      });
+    } });
+  } });
   await until(page, () => location.search === "?watch" && window.ringfence !== undefined);
-  await page.evaluate(() => {
-    // In the update that has the contact: a pair is shown for a while after it, and moves on.
-    const { client } = window.ringfence;
-    window.distances = [];
-    client.addEventListener("update", () => {
-      for (const pair of client.touching) {
-        const [p, q] = pair.map((number) => client.objects.get(number).position);
-        window.distances.push(Math.hypot(...p.map((value, axis) => value - q[axis])));
-      }
-    });
-  });
-  await until(page, () => window.ringfence.touching.lines.visible);
-  const seen = await page.evaluate(() => {
+  // What is seen while a pair is shown, in the same task of the page: a slow machine may draw it once only.
+  const seen = await (await until(page, () => {
     const { touching, bodies, stage, drawCalls } = window.ringfence;
-    const [a, b] = [...touching.shown.values()][0].pair;
-    const flash = bodies.colours.flash;
-    return { label: touching.label, legend: document.getElementById("legend").textContent, drawCalls,
-      isWatching: location.search === "?watch", isMarked: [a, b].every((number) => bodies.slots.get(number).colour === flash),
-      far: stage.camera.far };
-  });
+    const slots = Array.from(touching.places.keys(), (number) => bodies.slots.get(number));
+    if (!touching.lines.visible || slots.includes(undefined)) return false; // a shape is not known yet
+    return { label: touching.label, drawCalls, isWatching: location.search === "?watch",
+      isMarked: slots.every(({ colour }) => colour === bodies.colours.flash), far: stage.camera.far };
+  })).jsonValue();
   assert.equal(seen.label, "loss of separation");
   assert.ok(seen.isWatching && seen.isMarked);
   await until(page, () => window.distances.length > 0);
@@ -211,7 +218,20 @@ test("recorded air traffic is shown with losses of separation, a legend, and its
   assert.ok(seen.drawCalls <= 20 && seen.far > 1e6);
   await until(page, () => /loss of separation: \d+ now, [1-9]\d* seen/.test(document.getElementById("legend").textContent));
   await screenshot(page, "air");
-  await until(page, () => window.ringfence.client.statistics.frame === 59); 
+  // A pair that touched and separated again between two drawn frames is drawn once.
+  const drawn = await page.evaluate(() => {
+    const { client, touching, drawFrame } = window.ringfence, pair = Array.from(client.objects.keys()).slice(0, 2);
+    const drawnPair = (now) => {
+      drawFrame(now);
+      return touching.shown.has(String(pair));
+    };
+    const now = performance.now();
+    touching.set([pair], now - 5000);
+    touching.set([], now - 4000);
+    return [drawnPair(now), drawnPair(now + 1)];
+  });
+  assert.deepEqual(drawn, [true, false]);
+  await until(page, () => window.ringfence.client.statistics.frame === 99);
   await page.goto("about:blank"); // nobody watches any more
   assert.equal(await ended, 0);
 });

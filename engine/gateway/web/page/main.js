@@ -100,7 +100,7 @@ client.addEventListener("status", ({ detail }) => showStatus(detail));
 client.addEventListener("notice", ({ detail }) => figures.notice(detail));
 client.addEventListener("described", ({ detail }) => inspector.show(detail, client.shapes));
 client.addEventListener("update", ({ detail }) => {
-  const begun = touching.set(timeline.time === null ? detail.touching : touching.pairs);
+  const begun = touching.set(timeline.time === null ? detail.touching : touching.pairs, performance.now());
   if (isCalm) return;
   for (const number of begun.flat()) bodies.flash(number, performance.now());
   for (const { number, phase, age } of detail.contacts) {
@@ -144,7 +144,7 @@ function drawObjects(now) {
   bodies.begin(now, client.shapes, { own, isGhost: layers.ghosts ? regions.isGhost : null, marked: touching.marked });
   if (timeline.time !== null) {
     const past = client.sampleHistory(timeline.time, visitAndMark);
-    if (past !== null) touching.set(past.touching);
+    if (past !== null) touching.set(past.touching, now);
     if (past?.own) drawOwn(past.own, ...past.own.position, past.own.orientation);
   } else {
     client.sample(visitAndMark, now);

@@ -2,6 +2,7 @@ import { BufferAttribute, BufferGeometry, DynamicDrawUsage, LineBasicMaterial, L
 
 const firstCapacity = 64; // pairs
 const shownFor_ms = 1500; // a contact of one frame is seen too
+const most = 8192; // pairs that wait to be drawn
 
 /**
  * The pairs that touch each other. If contacts have a meaning of their own in this world, such as "loss of separation",
@@ -12,7 +13,7 @@ export class Touching {
     this.label = ""; // what a contact means; empty: nothing particular
     this.pairs = []; // now
     this.seen = 0; // contacts that began since the page was opened
-    this.shown = new Map(); // key of a pair → { pair, until }
+    this.shown = new Map(); // key of a pair → { pair, until, isDrawn }
     this.marked = new Set(); // numbers of the objects of the shown pairs
     this.places = new Map(); // number of such an object → its place in this frame
     this.lines = new LineSegments(new BufferGeometry(), new LineBasicMaterial());
@@ -31,19 +32,35 @@ export class Touching {
   }
 
   /** Sets the pairs of an update or of a past moment. Returns those that did not touch in the call before. */
-  set(pairs) {
+  set(pairs, now) {
     if (pairs === this.pairs) return [];
     const before = new Set(this.pairs.map(String));
     const begun = pairs.filter((pair) => !before.has(String(pair)));
     this.pairs = pairs;
     this.seen += begun.length;
+    this.show(now);
+    this.expire(now);
     return begun;
   }
+  show(now) {
+    if (this.label === "") return;
+    for (const pair of this.pairs) {
+      const key = String(pair), isDrawn = this.shown.get(key)?.isDrawn ?? false;
+      this.shown.set(key, { pair, until: now + shownFor_ms, isDrawn });
+    }
+  }
+  /** A hidden page draws nothing: then what was not drawn is kept up to a limit. */
+  expire(now) {
+    const isFull = this.shown.size > most;
+    for (const [key, { until, isDrawn }] of this.shown) if (until < now && (isDrawn || isFull)) this.shown.delete(key);
+  }
+  /** Several updates may come between two drawn frames: their pairs are shown in one of these at least. */
   begin(now) {
     this.places.clear();
     if (this.label === "") return;
-    for (const pair of this.pairs) this.shown.set(String(pair), { pair, until: now + shownFor_ms });
-    for (const [key, { until }] of this.shown) if (until < now) this.shown.delete(key);
+    this.show(now);
+    this.expire(now);
+    for (const each of this.shown.values()) each.isDrawn = true;
     this.marked = new Set(Array.from(this.shown.values(), ({ pair }) => pair).flat());
   }
   visit(number, x, y, z) { if (this.marked.has(number)) this.places.set(number, [x, y, z]); }
