@@ -28,9 +28,9 @@ struct Client {
   NewestInput input;
   KnownObjects known;
   OwnContacts contacts;
-  std::optional<View> view;          ///< of a spectator
-  std::uint32_t map_epoch = 0;       ///< of the region map that a spectator has
-  std::optional<std::size_t> nodes;  ///< their number in the last status that a spectator received
+  std::optional<View> view;                 ///< of a spectator
+  std::uint32_t map_epoch = 0;              ///< of the region map that a spectator has
+  std::optional<std::size_t> status_nodes;  ///< number of nodes in the last status that a spectator received
 
   /// A new connection has this client: it knows nothing.
   void connect(ConnectionId new_connection, Stamp now) noexcept {
@@ -41,7 +41,7 @@ struct Client {
     acknowledged = 0;
     last_update = now;
     map_epoch = 0;
-    nodes.reset();
+    status_nodes.reset();
     input.restart();
     known.forget();
     contacts.forget();

@@ -95,7 +95,7 @@ bool Clients::is_due(const Client& client) const noexcept {
 /// A new spectator needs what a contact means before its first update.
 bool Clients::needs_status(const Client& client) const noexcept {
   if (client.role == Role::play) return false;
-  return world_.frames() % status_period_ == 0 || client.nodes != world_.report().nodes.size();
+  return world_.frames() % status_period_ == 0 || client.status_nodes != world_.report().nodes.size();
 }
 
 /// All objects are read for spectators, and once a second to find static objects.
@@ -188,7 +188,7 @@ void Clients::send_status(Client& client) {
   send_body(client.connection, ServerMessageType::status,
             status_.text(roster_.connected(), digest, client.map_epoch == epoch), outbox_);
   client.map_epoch = epoch;
-  client.nodes = world_.report().nodes.size();
+  client.status_nodes = world_.report().nodes.size();
 }
 
 bool Clients::send(UserId user, std::span<const std::byte> bytes) {

@@ -49,12 +49,12 @@ export class Touching {
       this.shown.set(key, { pair, until: now + shownFor_ms, isDrawn });
     }
   }
-  /** A hidden page draws nothing: then what was not drawn is kept up to a limit. */
+  /** Removes pairs whose time is over, if they were drawn. A hidden page draws nothing: then up to a limit. */
   expire(now) {
     const isFull = this.shown.size > most;
     for (const [key, { until, isDrawn }] of this.shown) if (until < now && (isDrawn || isFull)) this.shown.delete(key);
   }
-  /** Several updates may come between two drawn frames: their pairs are shown in one of these at least. */
+  /** Before a frame is drawn. Pairs of earlier updates that no frame has drawn yet are shown too. */
   begin(now) {
     this.places.clear();
     if (this.label === "") return;
