@@ -153,8 +153,8 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
   rows.cells = 1u << (best[0].bits + best[1].bits + best[2].bits);
   rows.back = best[0].bits == 0 ? 0 : (sample.limit[0] >> best[0].shift) + 1;
   const std::uint32_t key_bits = best[0].bits + best[1].bits + best[2].bits;
-  // Buckets of 2000 boxes, and of 8000 where there are many: what is written to sort one stays in the first-level cache,
-  // or in the second-level cache, and few buckets are staged at once.
+  // Buckets of 2000 boxes, and of 8000 where there are many: what is written to sort one stays in the first-level
+  // cache, or in the second-level cache, and few buckets are staged at once.
   const auto bits_for = [&](unsigned boxes_log2) {
     return static_cast<std::uint32_t>(std::bit_width(sample.count >> boxes_log2));
   };
