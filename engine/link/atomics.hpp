@@ -71,6 +71,9 @@ struct SpinPolicy {
   std::uint32_t immediate_polls = 0;
   /// Pause and yield polls test the condition only after a ring: for conditions that are expensive to test.
   bool poll_only_after_ring = false;
+  /// Yields in addition to `yield_polls`, each of which must return at once: then no other thread wants the core, which
+  /// would be idle if this thread slept, and to wake it would take about 50 us.
+  std::uint32_t idle_yields = 0;
 };
 
 /// How a ring uses the machine's cache lines, in bytes. Affects speed only.
@@ -159,7 +162,11 @@ struct ThreadAtomics {
   }
 
   static void pause() noexcept;
-  static void yield() noexcept;
+  /// Lets other threads run on this core. Returns whether one presumably did.
+  static bool yield() noexcept;
+  /// Call it after yields, before the thread does anything else: adds the CPU time since the first one that returned
+  /// false to telemetry::polled_cpu_ns.
+  static void end_yields() noexcept;
 
   /// A doorbell is constructed or destroyed: one thread more, or less, of this process waits on doorbells.
   static void add_waiting_thread() noexcept;

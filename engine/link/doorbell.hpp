@@ -49,7 +49,8 @@ struct SleeperOf<ThreadAtomics> {
 /// neither fences nor sequential consistency. The model checker in tests/link runs this code exhaustively.
 ///
 /// Cost: a ring that wakes no thread is one atomic exchange. A wait polls for a while (see SpinPolicy), then sleeps on
-/// a futex. A round trip between two threads that both sleep takes about 40 us.
+/// a futex. A round trip between two threads that both sleep takes about 40 us; so a thread polls about as long before
+/// it sleeps, if no other thread wants its core.
 ///
 /// Threads: any thread may call `ring`; only the owner may call the waits. Memory: allocates nothing; with
 /// ProcessAtomics it may lie in shared memory.
@@ -119,10 +120,21 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
       if ((!policy.poll_only_after_ring || has_rung()) && ready()) return true;
       Policy::pause();
     }
-    for (std::uint32_t i = 0; i < policy.yield_polls; ++i) {
-      if ((!policy.poll_only_after_ring || has_rung()) && ready()) return true;
-      Policy::yield();
+    return poll_with_yields(policy, ready);
+  }
+
+  template <class Ready>
+  bool poll_with_yields(const SpinPolicy& policy, Ready& ready) noexcept {
+    std::uint32_t yields = policy.yield_polls, idle_yields = policy.idle_yields;
+    while (yields > 0) {
+      if (!policy.poll_only_after_ring || has_rung()) {
+        Policy::end_yields();
+        if (ready()) return true;
+      }
+      const bool is_idle = !Policy::yield() && idle_yields > 0;
+      --(is_idle ? idle_yields : yields);
     }
+    Policy::end_yields();
     return false;
   }
 

@@ -22,6 +22,13 @@ inline std::uint64_t thread_cpu_ns() noexcept {
   return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
 }
 
+/// CPU time that the calling thread has spent on polls instead of sleeping, in ns, as far as it is known: see
+/// link::SpinPolicy::idle_yields.
+inline constinit thread_local std::uint64_t polled_cpu_ns = 0;
+
+/// CPU time of the calling thread without such polls, in ns. Costs as much as thread_cpu_ns().
+inline std::uint64_t working_cpu_ns() noexcept { return thread_cpu_ns() - polled_cpu_ns; }
+
 /// The part of a measured interval that is the cost of `now_ns` itself, in ns. It is the shortest of 64 empty
 /// intervals, which the first call measures. May be called from any thread.
 inline std::uint64_t clock_cost_ns() noexcept {

@@ -13,8 +13,8 @@ namespace ringfence::telemetry {
 /// CPU time of a thread that runs many user nodes, by step of the frame.
 ///
 /// Each user node calls enter() with the step that it begins. The clock is read only when the step changes, so the cost
-/// is a few system calls a frame, not a few for each user node. Time between two calls, polling included, counts for
-/// the earlier step.
+/// is a few system calls a frame, not a few for each user node. Time between two calls counts for the earlier step,
+/// except for polls instead of sleeping (working_cpu_ns).
 ///
 /// Threads: enter() by the measured thread; take() by any other thread, between frames.
 class StepClock {
@@ -25,7 +25,7 @@ class StepClock {
   /// Begins a step.
   void enter(Step step) noexcept {
     if (step != step_) {
-      const std::uint64_t now = thread_cpu_ns();
+      const std::uint64_t now = working_cpu_ns();
       spent_ns_[step_].fetch_add(now - std::exchange(entered_ns_, now), std::memory_order_relaxed);
       step_ = step;
     }

@@ -243,7 +243,8 @@ struct CheckedAtomics {
   static void evict(const std::byte* at) { explorer().evict(at, lines.line); }
   static bool streams_copies() { return false; }
   static void pause() {}
-  static void yield() {}
+  static bool yield() { return true; }
+  static void end_yields() {}
   static void add_waiting_thread() {}
   static void remove_waiting_thread() {}
   static link::SpinPolicy spin_policy() { return {}; }

@@ -13,6 +13,7 @@
 
 #include "link/cores.hpp"
 #include "link/watchdog.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::link {
 namespace {
@@ -72,6 +73,64 @@ TEST_CASE("a wait that polls only after a ring tests its condition a few times o
   CHECK_FALSE(bell.wait_for(never, std::chrono::milliseconds(1)));
   CHECK(polls > 0);
   CHECK(polls < 20);  // one before, and one before each sleep, which may end early
+}
+
+/// Yields in which other threads run or not, as a test says.
+struct ScriptedYields : ThreadAtomics {
+  static bool yield() noexcept {
+    const bool runs = yields < 64 && (others_run >> yields & 1) != 0;
+    ++yields;
+    ++since_end;
+    return runs;
+  }
+  static void end_yields() noexcept {
+    since_end = 0;
+    ++ends;
+  }
+  static inline std::uint64_t others_run = 0;  ///< bit i: in yield i
+  static inline std::uint32_t yields = 0, since_end = 0, ends = 0;
+};
+
+TEST_CASE("before it sleeps, a thread yields a few times, and more often while no other thread wants its core") {
+  constexpr std::uint32_t yield_polls = 3, idle_yields = 10;
+  const auto yields_before_sleep = [](std::uint64_t others_run) {
+    ScriptedYields::others_run = others_run;
+    ScriptedYields::yields = ScriptedYields::ends = 0;
+    BasicDoorbell<ScriptedYields> bell(SpinPolicy{.yield_polls = yield_polls, .idle_yields = idle_yields});
+    CHECK_FALSE(bell.wait_for([] { return false; }, std::chrono::nanoseconds(0)));
+    CHECK(ScriptedYields::since_end == 0);
+    return ScriptedYields::yields;
+  };
+  CHECK(yields_before_sleep(~std::uint64_t{0}) == yield_polls);
+  CHECK(yields_before_sleep(0) == idle_yields + yield_polls);
+  CHECK(yields_before_sleep(0b1010100) == 7);
+  CHECK(yields_before_sleep(0b100000000001) == idle_yields + yield_polls);
+
+  SUBCASE("the condition is tested after the end of the yields is noted") {
+    ScriptedYields::others_run = 0;
+    BasicDoorbell<ScriptedYields> bell(SpinPolicy{.yield_polls = yield_polls, .idle_yields = idle_yields});
+    ScriptedYields::yields = 0;
+    int tests = 0;
+    bell.wait([&] {
+      CHECK(ScriptedYields::since_end == 0);
+      return ++tests == 5;
+    });
+    CHECK(ScriptedYields::yields == 4);
+  }
+}
+
+TEST_CASE("CPU time of yields in which no other thread runs does not count as work") {
+  const std::uint64_t cpu = telemetry::thread_cpu_ns();
+  const std::uint64_t working = telemetry::working_cpu_ns(), polled = telemetry::polled_cpu_ns;
+  while (ThreadAtomics::yield()) {
+  }
+  ThreadAtomics::end_yields();
+  const std::uint64_t polled_now = telemetry::polled_cpu_ns - polled;
+  const std::uint64_t working_now = telemetry::working_cpu_ns() - working;
+  CHECK(polled_now > 0);
+  CHECK(polled_now + working_now <= telemetry::thread_cpu_ns() - cpu);
+  ThreadAtomics::end_yields();  // nothing was polled since
+  CHECK(telemetry::polled_cpu_ns - polled == polled_now);
 }
 
 TEST_CASE("one sleeper misses no ring of many threads") {

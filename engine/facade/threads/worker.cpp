@@ -7,6 +7,7 @@
 #include <pthread.h>
 
 #include "base/floating_point.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::facade {
 
@@ -116,17 +117,20 @@ void Worker::run(std::chrono::nanoseconds tick) {
     } else {
       bell_.wait_for(ready, tick);
     }
+    polled_cpu_ns_.store(telemetry::polled_cpu_ns, std::memory_order_relaxed);
   }
 }
 
-std::uint64_t Worker::cpu_ns() noexcept {
+std::uint64_t Worker::working_cpu_ns() noexcept {
+  const std::uint64_t polled_ns = polled_cpu_ns_.load(std::memory_order_relaxed);
   clockid_t clock;
   timespec used{};
   if (!thread_.joinable() || pthread_getcpuclockid(thread_.native_handle(), &clock) != 0 ||
       clock_gettime(clock, &used) != 0) {
     return 0;
   }
-  return static_cast<std::uint64_t>(used.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(used.tv_nsec);
+  return static_cast<std::uint64_t>(used.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(used.tv_nsec) -
+         polled_ns;
 }
 
 }  // namespace ringfence::facade

@@ -80,8 +80,9 @@ class Worker {
   void join() noexcept;
   /// Whether the thread has ended. After true, the effects of its roles are visible.
   bool has_ended() const noexcept { return ended_.load(std::memory_order_acquire); }
-  /// CPU time of the thread, nanoseconds; 0 before start() and after join().
-  std::uint64_t cpu_ns() noexcept;
+  /// CPU time of the thread without polls (telemetry::working_cpu_ns), nanoseconds; 0 before start() and after join().
+  /// A wait that has not ended counts, and does not once it has ended.
+  std::uint64_t working_cpu_ns() noexcept;
 
  private:
   struct Assignment {
@@ -99,6 +100,7 @@ class Worker {
   std::atomic<Assignment*> next_{nullptr};
   std::atomic<bool> stop_{false};
   std::atomic<bool> ended_{false};
+  std::atomic<std::uint64_t> polled_cpu_ns_{0};  ///< telemetry::polled_cpu_ns of the thread, after its last wait
   Halt* halt_ = nullptr;
   bool steps_roles_ = false;  ///< as last assigned
   // Accessed by the thread only.

@@ -121,7 +121,8 @@ void UserThreads::report_times(FrameReport& report) {
   }
   PathReport& path = report.path;
   for (const auto& thread : threads_) {
-    const std::uint64_t cpu_ns = thread->worker->cpu_ns();
+    // A wait that had not ended at the end of the last frame counted then, and may be longer than all of this frame.
+    const std::uint64_t cpu_ns = std::max(thread->worker->working_cpu_ns(), thread->cpu_ns);
     const std::uint64_t all_ns = cpu_ns - std::exchange(thread->cpu_ns, cpu_ns);
     const std::uint64_t move_ns = std::min(all_ns, thread->clock.take(StepClock::move));
     const std::uint64_t read_ns = std::min(all_ns - move_ns, thread->clock.take(StepClock::read_publications));

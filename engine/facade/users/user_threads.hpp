@@ -28,7 +28,7 @@ struct UserThread {
   telemetry::Track track;
   std::unique_ptr<nodes::UserThreadRole> role;  ///< null: it steps no user nodes
   std::unique_ptr<Worker> worker;               ///< null without threads; ends before the role is destroyed
-  std::uint64_t cpu_ns = 0;                     ///< CPU time that the thread had used at the end of the last frame
+  std::uint64_t cpu_ns = 0;                     ///< Worker::working_cpu_ns() at the end of the last frame
 };
 
 /// The threads that step the user nodes of a World, each with the connection between its user nodes and the server.

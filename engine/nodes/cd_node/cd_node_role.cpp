@@ -186,7 +186,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   state_.begin(frame);
   detector_.begin();
   migration_.begin();
-  cpu_start_ = telemetry::thread_cpu_ns();
+  cpu_start_ = telemetry::working_cpu_ns();
   mover_.begin();
   state_.stage = CdNodeStage::moving;
 }
@@ -352,14 +352,14 @@ bool CdNodeRole::answer_probe() {
 // spend if it did not wait.
 void CdNodeRole::end_wait() noexcept {
   if (!state_.setup.shares_thread) {
-    cpu_start_ = telemetry::thread_cpu_ns() - wait_start_;
+    cpu_start_ = telemetry::working_cpu_ns() - wait_start_;
   }
 }
 
 // CPU time in this frame so far, without waits.
 std::uint64_t CdNodeRole::cpu_spent() const noexcept {
   return state_.setup.shares_thread ? state_.stats.busy_ns + (telemetry::now_ns() - step_start_)
-                                    : telemetry::thread_cpu_ns() - cpu_start_;
+                                    : telemetry::working_cpu_ns() - cpu_start_;
 }
 
 bool CdNodeRole::report_done() {

@@ -10,7 +10,7 @@ namespace ringfence::nodes {
 
 void Statistics::begin() {
   state_.begin_ns = mark_ns_ = telemetry::now_ns();
-  cpu_begin_ns_ = cpu_mark_ns_ = telemetry::thread_cpu_ns();
+  cpu_begin_ns_ = cpu_mark_ns_ = telemetry::working_cpu_ns();
   ingest_ns_ = 0;
   FrameReport& frame = state_.report();
   std::vector<NodeReport> nodes = std::move(frame.nodes);
@@ -52,7 +52,7 @@ void Statistics::finish(std::uint64_t moved) {
   frame.map_epoch = state_.map.epoch();
   frame.moved = moved;
   frame.frame_ms = telemetry::to_ms(now - state_.begin_ns);
-  frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);
+  frame.server_cpu_ms = telemetry::to_ms(telemetry::working_cpu_ns() - cpu_begin_ns_);
   for (NodeReport& node : frame.nodes) {
     node.wait_ms = std::max(0.0, frame.frame_ms - node.busy_ms);
   }
@@ -76,7 +76,7 @@ void Statistics::charge(Stage stage, std::uint64_t now) noexcept {
 void Statistics::charge(Stage stage) noexcept { charge(stage, telemetry::now_ns()); }
 
 void Statistics::charge_cpu(double PathReport::*step) noexcept {
-  const std::uint64_t now = telemetry::thread_cpu_ns();
+  const std::uint64_t now = telemetry::working_cpu_ns();
   state_.report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
   cpu_mark_ns_ = now;
 }
