@@ -34,7 +34,7 @@ class HitWriter {
   void add(const narrow_phase::PairContact& touch, const geometry::CandidatePair& pair) {
     touches_.push_back(touch);
     hits_.push_back(pair);
-    base::prefetch_for_write(touches_.end() + 8);
+    base::prefetch_for_write(touches_.end() + 64);  // another node may have read them in the last frame
     base::prefetch_for_write(hits_.end() + 32);
     order_.add(numbers_[pair.a], numbers_[pair.b]);
     if (keeps_) {

@@ -50,6 +50,7 @@ void Mover::bound_batch() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     const Hosted& object = state_.host[changed_[i]];
     placed[i] = {&object.pose, object.shape};
+    state_.objects.prefetch_body(state_.host.place_in_list(changed_[i]));
   }
   state_.setup.shapes->bounds({placed, changed_.size()}, *state_.setup.space, bounds_.data(), points_.data());
 }

@@ -89,14 +89,19 @@ class RegionObjects {
   void set_filter(std::uint32_t i, PairFilter filter);
   /// Prefetches what find() reads for that slot.
   void prefetch_index(std::uint32_t slot) const noexcept { index_.prefetch(slot + 1); }
-  /// Prefetches what find() with that index reads, the inner flag, and most of what set() writes; nothing for none.
+  /// Prefetches the body that set() with that index writes; nothing for none. Another node may have read it in the last
+  /// frame, and then a store takes longest: so call it some time before prefetch().
+  void prefetch_body(std::uint32_t i) const noexcept {
+    if (i < slots_.size()) base::prefetch_for_write(&bodies_[i]);
+  }
+  /// Prefetches what find() with that index reads, the inner flag, and most else of what set() writes; nothing for
+  /// none.
   void prefetch(std::uint32_t i) const noexcept {
     if (i < slots_.size()) {
       base::prefetch_for_read(&slots_[i]);
       base::prefetch_for_write(&marks_[i]);
       base::prefetch_for_write(&hosted_[i]);
       base::prefetch_for_write(&changed_[i]);
-      base::prefetch_for_write(&bodies_[i]);
       if (sweeps_) {
         base::prefetch_for_write(&bounds_[i]);
         base::prefetch_for_write(reinterpret_cast<const std::byte*>(&bounds_[i] + 1) - 1);
