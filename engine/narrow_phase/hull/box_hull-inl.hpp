@@ -25,23 +25,47 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Tests all pairs of a block step by step: see hull_block-inl.hpp.
+/// Tests the undecided pairs of a block step by step: see hull_block-inl.hpp.
+inline PairContact* test_block(BoxHullPairs& pairs, PairContact* out) {
+  if (pairs.undecided.count == 0) return out;
+  BoxHullBounds bounds(pairs);
+  BoxHullFaces(pairs, bounds).run();
+  if (pairs.undecided.count == 0) return out;
+  BoxHullEdges(pairs, bounds).run();
+  BlockContacts found;
+  BoxHullContacts(pairs, found).run();
+  return write_block<KindsOf<ShapeKind::box, ShapeKind::hull>>(BoxHullPairs::d, pairs.pair, pairs.count, pairs.placed,
+                                                               found, out);
+}
+
+/// Tests all pairs. Those that the line between their centres does not separate are collected and read again in full
+/// blocks, because many further steps take as long for a few pairs of a block as for all. A block is tested as it is if
+/// it is the only one, or full.
 inline PairContact* box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   if (input.in_double) return run_in_double<BoxSource, HullSource>(input, out, counters);
   WorkCounts work;
+  KernelPair collected[2 * block_pairs];
+  std::size_t count = 0;
+  const auto test_collected = [&](std::size_t tested) HWY_ATTR {
+    BoxHullPairs pairs(input, collected, tested, work);
+    out = test_block(pairs, out);
+    count -= tested;
+    std::copy_n(collected + tested, count, collected);
+  };
   for (std::size_t begin = 0; begin < input.pairs.size(); begin += block_pairs) {
+    const std::size_t rest = input.pairs.size() - begin;
     begin_gathering(input);
-    BoxHullPairs pairs(input, input.pairs.data() + begin, std::min(block_pairs, input.pairs.size() - begin), work);
+    BoxHullPairs pairs(input, input.pairs.data() + begin, std::min(block_pairs, rest), work);
     end_gathering(input);
-    BoxHullBounds bounds(pairs);
-    BoxHullFaces(pairs, bounds).run();
-    if (pairs.undecided.count == 0) continue;
-    BoxHullEdges(pairs, bounds).run();
-    BlockContacts found;
-    BoxHullContacts(pairs, found).run();
-    out = write_block<KindsOf<ShapeKind::box, ShapeKind::hull>>(BoxHullPairs::d, pairs.pair, pairs.count, pairs.placed,
-                                                                found, out);
+    separate_by_centres(pairs);
+    if (count == 0 && (rest <= block_pairs || pairs.undecided.count == block_pairs)) {
+      out = test_block(pairs, out);
+      continue;
+    }
+    for (std::size_t u = 0; u < pairs.undecided.count; ++u) collected[count++] = pairs.pair[pairs.undecided.pair[u]];
+    if (count >= block_pairs) test_collected(block_pairs);
   }
+  if (count > 0) test_collected(count);
   work.add_to(counters);
   return out;
 }

@@ -21,6 +21,27 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
+/// Removes the pairs that the line between the centres separates: most pairs that are apart.
+HWY_INLINE void separate_by_centres(BoxHullPairs& p) {
+  constexpr BoxHullPairs::D d;
+  alignas(64) float overlap[block_pairs];
+  const auto of_hull = [&](std::size_t i) HWY_ATTR { return highest(*p.hull[i], -p.placed.axis_in_second(i)); };
+  for (std::size_t i = 0; i < p.count; i += 4) {
+    geometry::HWY_NAMESPACE::max_lanes_of_four(d, of_hull(i), of_hull(i + 1), of_hull(i + 2), of_hull(i + 3),
+                                               overlap + i);
+  }
+  for (std::size_t i = 0; i < p.count; i += BoxHullPairs::lanes) {
+    BoxHullPairs::V rest = hn::Neg(hn::LoadU(d, p.placed.along_axis() + i));
+    for (int k = 0; k < 3; ++k) rest = rest + hn::Abs(hn::LoadU(d, p.placed.axis(k) + i)) * p.half(k, i);
+    hn::Store(rest + hn::Load(d, overlap + i), d, overlap + i);
+  }
+  for (std::size_t i = 0; i < p.count; ++i) {
+    ++p.work.directions;
+    p.work.pass<float>(p.hull[i]->vertex_count());
+  }
+  p.undecided.keep([&](std::size_t i) { return overlap[i] >= 0; });
+}
+
 /// Finds the face normal of least overlap for each pair of a block, and removes the pairs that a direction separates.
 ///
 /// Bounds in fixed point select the face of the hull that is evaluated, and seldom another one. For the six faces of
@@ -31,8 +52,6 @@ class BoxHullFaces {
   BoxHullFaces(BoxHullPairs& pairs, BoxHullBounds& bounds) : pairs_(pairs), bounds_(bounds) {}
 
   void run() {
-    test_centre_axis();
-    if (pairs_.undecided.count == 0) return;
     // The lanes of decided pairs are computed too: leftovers on the stack could be slow to compute with.
     set_zero(pairs_.size);
     set_zero(normal_);
@@ -60,29 +79,6 @@ class BoxHullFaces {
   };
   static HWY_INLINE Item item(std::size_t pair, std::size_t face) {
     return {static_cast<std::uint16_t>(pair), static_cast<std::uint16_t>(face)};
-  }
-
-  /// Removes the pairs that the line between the centres separates: most pairs that are apart.
-  void test_centre_axis() {
-    BoxHullPairs& p = pairs_;
-    alignas(64) float overlap[block_pairs];
-    const auto of_hull = [&](std::size_t i) HWY_ATTR { return highest(*p.hull[i], -p.placed.axis_in_second(i)); };
-    for (std::size_t i = 0; i < p.count; i += 4) {
-      geometry::HWY_NAMESPACE::max_lanes_of_four(d, of_hull(i), of_hull(i + 1), of_hull(i + 2), of_hull(i + 3),
-                                                 overlap + i);
-    }
-    for (std::size_t i = 0; i < p.count; i += lanes) {
-      V rest = hn::Neg(hn::LoadU(d, p.placed.along_axis() + i));
-      for (int k = 0; k < 3; ++k) rest = rest + hn::Abs(hn::LoadU(d, p.placed.axis(k) + i)) * p.half(k, i);
-      hn::Store(rest + hn::Load(d, overlap + i), d, overlap + i);
-    }
-    p.undecided.count = p.count;
-    for (std::size_t i = 0; i < p.count; ++i) {
-      p.undecided.pair[i] = static_cast<std::uint32_t>(i);
-      ++p.work.directions;
-      p.work.pass<float>(p.hull[i]->vertex_count());
-    }
-    p.undecided.keep([&](std::size_t i) { return overlap[i] >= 0; });
   }
 
   /// Finds the normal of the hull's faces with the least overlap.

@@ -18,7 +18,8 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 /// Up to block_pairs pairs of a box and a hull, at least one: what the steps of the test read, and the best direction
-/// so far. Everything is in the axes of the box, relative to its centre, unless it says otherwise.
+/// so far. At first all are undecided. Everything is in the axes of the box, relative to its centre, unless it says
+/// otherwise.
 struct BoxHullPairs {
   using D = Columns16<float>;
   using V = hn::Vec<D>;
@@ -33,6 +34,7 @@ struct BoxHullPairs {
     for (std::size_t i = 0; i < block_pairs; ++i) {
       hull[i] = &input.shapes.hull(input.shapes.row(input.bodies[pair[i].second].shape).index_in_kind);
     }
+    undecided.fill(count);
   }
 
   HWY_INLINE V half(int k, std::size_t i) const { return hn::LoadU(d, placed.first_size(k) + i); }

@@ -33,6 +33,11 @@ struct Undecided {
   std::uint32_t pair[block_pairs];
   std::size_t count = 0;
 
+  /// The first `pairs` pairs.
+  HWY_INLINE void fill(std::size_t pairs) {
+    count = pairs;
+    for (std::size_t i = 0; i < pairs; ++i) pair[i] = static_cast<std::uint32_t>(i);
+  }
   /// Keeps the pairs for which `undecided(i)` is true, without a branch.
   template <class Test>
   HWY_INLINE void keep(const Test& undecided) {
