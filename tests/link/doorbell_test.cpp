@@ -83,19 +83,16 @@ struct ScriptedYields : ThreadAtomics {
     ++since_end;
     return runs;
   }
-  static void end_yields() noexcept {
-    since_end = 0;
-    ++ends;
-  }
+  static void end_yields() noexcept { since_end = 0; }
   static inline std::uint64_t others_run = 0;  ///< bit i: in yield i
-  static inline std::uint32_t yields = 0, since_end = 0, ends = 0;
+  static inline std::uint32_t yields = 0, since_end = 0;
 };
 
 TEST_CASE("before it sleeps, a thread yields a few times, and more often while no other thread wants its core") {
   constexpr std::uint32_t yield_polls = 3, idle_yields = 10;
   const auto yields_before_sleep = [](std::uint64_t others_run) {
     ScriptedYields::others_run = others_run;
-    ScriptedYields::yields = ScriptedYields::ends = 0;
+    ScriptedYields::yields = 0;
     BasicDoorbell<ScriptedYields> bell(SpinPolicy{.yield_polls = yield_polls, .idle_yields = idle_yields});
     CHECK_FALSE(bell.wait_for([] { return false; }, std::chrono::nanoseconds(0)));
     CHECK(ScriptedYields::since_end == 0);
