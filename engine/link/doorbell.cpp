@@ -27,8 +27,8 @@ constexpr auto long_yield = std::chrono::milliseconds(1);
 constexpr std::uint32_t waits_after_long_yield = 64;
 thread_local std::uint32_t waits_without_yields = 0;
 
-/// A yield takes 0.3 to 1.1 us if no other thread runs, and more than 2 us if one does. After one in which none ran,
-/// a thread pauses `idle_pauses` times before it yields again: another thread may run on the same core (SMT).
+/// A yield takes 0.3 to 1.1 us if no other thread runs. In one of more than `short_yield` another thread presumably
+/// ran. After a shorter one the thread pauses `idle_pauses` times, because another one may run on the same core (SMT).
 constexpr auto short_yield = std::chrono::microseconds(3);
 constexpr int idle_pauses = 16;
 thread_local std::uint64_t idle_since_cpu_ns = 0;  ///< 0: the last yield was not idle

@@ -123,6 +123,8 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
     return poll_with_yields(policy, ready);
   }
 
+  /// The last polls before a sleep. The condition may do any work, so the end of the yields is noted before it is
+  /// tested.
   template <class Ready>
   bool poll_with_yields(const SpinPolicy& policy, Ready& ready) noexcept {
     std::uint32_t yields = policy.yield_polls, idle_yields = policy.idle_yields;

@@ -113,6 +113,7 @@ struct FrameReport {
   std::array<TrafficReport, traffic_count> traffic{};  ///< by Traffic
   /// How many of Capacities::objects, pairs and contacts the frame exceeded, 0 to 3.
   std::uint64_t grown = 0;
+  // Without what a thread spends on polls while it waits and no other thread wants its core.
   double server_cpu_ms = 0;        ///< CPU time of the thread that steps the server
   double users_cpu_ms = 0;         ///< CPU time of all user threads together; 0 with nodes = 0
   double slowest_user_cpu_ms = 0;  ///< CPU time of the user thread that used most; 0 with nodes = 0

@@ -72,9 +72,8 @@ class HullFaces {
       p.axis_overlap[i] = (most[0] + most[1]) - p.placed.along_axis(i);
       p.axis_overlap[i + 1] = (most[2] + most[3]) - p.placed.along_axis(i + 1);
     }
-    p.undecided.count = p.count;
+    p.undecided.fill(p.count);
     for (std::size_t i = 0; i < p.count; ++i) {
-      p.undecided.pair[i] = static_cast<std::uint32_t>(i);
       ++p.work.directions;
       count_vertices(i);
     }
